@@ -41,7 +41,7 @@ from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, length, read
 from rigid_sim_ros.engine.contact.coulomb import (
     coefficients, COMPLIANCE, disk, ENOUGH, GOAL, TOLERANCE)
 from rigid_sim_ros.engine.detection.backtrack import film
-from rigid_sim_ros.engine.maths.algebra import cross, row
+from rigid_sim_ros.engine.maths.algebra import cross, dot, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -70,6 +70,8 @@ CARRIED_OVER = 'carried over'
 CLOSING = 0.3
 # Of the speed of a rebound that is too short to be one: no faster may a force lift what overlaps.
 LIFTING = 0.1
+# 1 - cos of 1e-6 rad: normals that differ by less are those of one face.
+FLUSH = 5e-13
 
 
 class Outcome(NamedTuple):
@@ -165,7 +167,7 @@ def resting_rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodi
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
         read_rates(model, contacts, bodies.acceleration, k, width, b, at)
-        gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
+        gap = contacts.gap[k] - common_film(shapes, contacts, chosen, c)
         wanted = -CLOSING * gap / closing
         if wanted <= LIFTING * resting_speed(contacts, bodies, k, model.h):
             u[at] -= wanted
@@ -174,6 +176,25 @@ def resting_rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodi
         for i in range(width):
             b[at + i] += u[at + i] / span
     return deep
+
+
+@kernel
+def common_film(shapes: Shapes, contacts: Contacts, chosen: IntArray, c: int) -> float:
+    """
+    Return the gap [m] at which chosen point c is to rest.
+
+    It is one for all points of a pair of bodies along one normal: on triangles of many sizes a box
+    would be tilted by what their films differ by, and a light one under a load driven aside.
+    """
+    k = chosen[c]
+    thick = film(shapes, contacts.shape_a[k], contacts.shape_b[k])
+    if thick == 0.0:
+        return 0.0
+    for i in chosen:
+        if (contacts.body_a[i] == contacts.body_a[k] and contacts.body_b[i] == contacts.body_b[k]
+                and dot(row(contacts.axes[i], 0), row(contacts.axes[k], 0)) > 1.0 - FLUSH):
+            thick = max(thick, film(shapes, contacts.shape_a[i], contacts.shape_b[i]))
+    return thick
 
 
 def _pyramid(mu: Array, pull: Array) -> Any:

@@ -36,6 +36,11 @@ MOST_TRIES = 8
 # Why the rest of the step of a group goes on without backtracking: it had `max_events`; it used up
 # its budget of work; no forces, or no impulses, stop all points of what is squeezed.
 MANY_EVENTS, MUCH_WORK, NO_FORCES, NO_IMPULSES = 1, 2, 3, 4
+# How the way of a group ends, in `Groups.met`: nothing met, a pair met, one sank in; or it does
+# not begin, since its forces would do work.
+NOTHING, MET, SANK, WORKS = -1, 0, 1, 2
+# Of a step: no part in which forces stay constant is shorter, but for what events leave.
+SHORTEST = 1.0 / 256.0
 
 
 class Groups(NamedTuple):
@@ -52,7 +57,7 @@ class Groups(NamedTuple):
     left: Array  # (n,) [s] of the step
     span: Array  # (n,) [s] for which forces act
     way: Array  # (n,) [s] until the next event
-    met: IntArray  # (n,) the pair that meets then, or -1
+    met: IntArray  # (n,) what ends its way: NOTHING, MET, SANK, WORKS
     effort: Array  # (n,) multiplications so far in this step, about
     residual: Array  # (n,) the largest in this step
     events: IntArray  # (n,)

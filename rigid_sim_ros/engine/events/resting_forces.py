@@ -5,7 +5,8 @@
 from rigid_sim_ros.engine.contact.carried_forces import copy_force, keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
-from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies
+from rigid_sim_ros.engine.contact.contact_newton import (
+    FEW_STEPS, NEWTON_STEPS, number_bodies, refine_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
     Rows, sweep_rows, violation, write_effects, write_rows)
 from rigid_sim_ros.engine.contact.contact_search import DONE
@@ -14,17 +15,19 @@ from rigid_sim_ros.engine.contact.contact_solution import (
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_rates, relative, to_contact)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
-from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
-from rigid_sim_ros.engine.detection.backtrack import film
+from rigid_sim_ros.engine.contact.resting_qp import (
+    CLOSING, common_film, LIFTING, resting_rates)
 from rigid_sim_ros.engine.events.buffers import (
     BORNE, Buffers, EventArguments, HELD, MORE_ROWS, STUCK)
-from rigid_sim_ros.engine.events.groups import Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES
+from rigid_sim_ros.engine.events.groups import (
+    Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES, NOTHING, WORKS)
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
+# Of a step: gaps are not closed within less, and spans not cut to less since forces do work.
+CUT = 1.0 / 16.0
 # Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2
 # ms; what is left of the step then runs without backtracking, and contact problems are used as far
 # as they came.
@@ -45,7 +48,11 @@ AGAIN = 10  # times at most that forces are found again for their levers, within
 ROUNDS = 40  # times at most that they are for what points yield
 # What points yield without end falls by less than this part of it in a round.
 STUCK_AT = 1e-3
-PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
+PUSH_SWEEPS = 30  # over the points, for displacements, before Newton's method
+UNPUSHED = 1e-3  # of what is wanted: points that lack, or yield by, more cannot be displaced
+# Of the energy that the impulses of a span give to what is at rest: forces that do more work than
+# this act for too long.
+WORK = 0.1
 
 
 @kernel
@@ -80,32 +87,54 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
     model, state, w = c.model, c.state, c.buffers
     rows, width, contacts, closing = w.rows, w.now.width[0], w.contacts, _closing(c, g)
     violation(rows, m, width, rows.f)
+    fastest = 0.0
     for n in range(m):
         k, at = w.chosen[n], width * n
-        depth = film(c.shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
+        depth = common_film(c.shapes, contacts, w.chosen[:m], n) - contacts.gap[k]
         wanted = min(CLOSING * depth / closing,
                      c.settings.push_out * contacts.size[k] / model.h)
         if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
             wanted = 0.0
         for i in range(at, at + width):
-            rows.trial[i] = 0.0
+            rows.f[i] = 0.0
         rows.mu[n, 0], rows.mu[n, 1], rows.mu[n, 2] = 0.0, 0.0, 0.0
         # Not what leaves its overlap by itself.
         rows.b[at] = -wanted + span * max(rows.a[at], 0.0)
-    write_effects(rows, m, width, rows.trial)
-    sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
+        fastest = max(fastest, wanted)
+    write_effects(rows, m, width, rows.f)
+    sweep_rows(rows, m, width, rows.f, PUSH_SWEEPS, 0.0)
+    _refine_push(rows, m, width, fastest, w)
     members = w.groups.body[w.groups.first[g]:w.groups.first[g + 1]]
     for j in members:
         for i in range(3):
             w.pushed.F[i, j], w.pushed.tau[i, j] = state.P[i, j], state.L[i, j]
     for n in range(m):
-        push_rows(model, state, contacts, w.chosen[n], width, rows.trial, width * n)
+        push_rows(model, state, contacts, w.chosen[n], width, rows.f, width * n)
         for i in range(width):
-            w.push[w.chosen[n], i] = rows.trial[width * n + i]
+            w.push[w.chosen[n], i] = rows.f[width * n + i]
     for j in members:
         for i in range(3):
             w.pushed.F[i, j] = state.P[i, j] - w.pushed.F[i, j]
             w.pushed.tau[i, j] = state.L[i, j] - w.pushed.tau[i, j]
+
+
+@kernel
+def _refine_push(rows: Rows, m: int, width: int, fastest: float, w: Buffers) -> None:
+    """
+    Bring the displacing momenta of the first m points to a solution, if there is one.
+
+    Where bodies that nothing pushes hold one between them there is none: points would yield by as
+    much as is wanted of them, `fastest` [m/s], and not by rounding. Then those of the sweeps stay.
+    """
+    yields = 0.0
+    for i in range(width * m):
+        w.proximal[i] = rows.f[i]
+    worst = refine_rows(rows, m, width, w.now.touched[0], TOLERANCE * fastest, NEWTON_STEPS,
+                        w.newton)
+    for i in range(width * m):
+        yields = max(yields, rows.compliance[i] * rows.f[i])
+    for i in range(width * m if max(worst, yields) > UNPUSHED * fastest else 0):
+        rows.f[i] = w.proximal[i]
 
 
 @kernel
@@ -180,7 +209,8 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
     them there are none, and each time adds the same to those of the time before, for ever: the
     least change of b with which there were any (Pazy, Asymptotic behavior of contractions in
     Hilbert space, Israel J. Math. 9 (1971)). The first ones let that body go where the points
-    yield least, and stay.
+    yield least, and stay. Where it is no more than YIELDS, redundant points differ in what they
+    ask for, as by gaps that rounding leaves to the corners of a box, and the bodies move alike.
     """
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
@@ -195,7 +225,7 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
                 or yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size):
             return True
         if abs(yields - last) < STUCK_AT * yields:
-            return False
+            return yields <= YIELDS * size
         last = yields
         move_proximal(rows, width * m, w.proximal)
         w.now.worst[0] = continue_rows(rows, m, width, w.now.touched[0], w.newton)
@@ -305,13 +335,21 @@ def settle(c: EventArguments, g: int) -> None:
     """
     See to it that the forces that were found do no work, and that overlaps end.
 
-    The forces are then left in `w.force`, and what they are at the bodies in `w.loads`.
+    The forces are then left in `w.force`, and what they are at the bodies in `w.loads`. None are
+    left where they are to be found again for a shorter span; `Groups.met` then is WORKS.
     """
     model, w = c.model, c.buffers
     m, width, rows, groups = w.now.chosen[0], w.now.width[0], w.rows, w.groups
+    groups.met[g] = NOTHING
     if m == 0:
         return
     span = min(groups.span[g], groups.left[g])
+    works, share = _work(c, m, span)
+    if works and groups.short[g] == 0 and span > CUT * model.h:
+        groups.met[g] = WORKS
+        return
+    for i in range(width * m if works else 0):
+        rows.f[i] *= share
     groups.residual[g] = max(groups.residual[g], w.now.worst[0])
     if w.now.worst[0] > TOLERANCE:
         w.now.unsolved[0] += 1
@@ -332,6 +370,53 @@ def settle(c: EventArguments, g: int) -> None:
     load(model, w.contacts, w.chosen[:m], width, w.force, w.loads)
     if w.now.is_deep[0] == 1:
         _push_apart(c, m, g, span)
+
+
+@kernel
+def _work(c: EventArguments, m: int, span: float) -> tuple[bool, float]:
+    """
+    Return whether the forces of the first m points do work within a span [s], and what part not.
+
+    The work of a point is span f . G_m (v_0 + v_1) / 2, see contact_ahead.py; along the normal a
+    rigid contact does none that is positive. Where the place of contact runs along a body, as
+    around the rim of a disk that is about to lie flat, or where a point that leaves would come
+    back within the span, G_m is not that of the whole span: the work is then of third order in
+    the span. What lifts an overlap, or is left of having lifted it, has a rate below that of
+    LIFTING.
+    """
+    w, rows, width = c.buffers, c.buffers.rows, c.buffers.now.width[0]
+    write_effects(rows, m, width, rows.f)
+    work, scale, without, by_forces = 0.0, 0.0, 0.0, 0.0
+    for n in range(m):
+        i, k = width * n, w.chosen[n]
+        lifts = LIFTING * resting_speed(w.contacts, w.bodies, k, c.model.h)
+        before, gain = _mean_rates(rows, w.bodies, w.then, n, i, span)
+        without += rows.f[i] * before
+        by_forces += rows.f[i] * gain
+        work += rows.f[i] * max(before + gain - lifts, 0.0)
+        scale += rows.stiff[i] * rows.f[i] * rows.f[i] * span
+    if work <= WORK * scale or without + by_forces <= 0.0:
+        return False, 1.0
+    return True, -without / by_forces if without < 0.0 else 0.0
+
+
+@kernel
+def _mean_rates(rows: Rows, bodies: Bodies, then: Array, n: int, i: int,
+                span: float) -> tuple[float, float]:
+    """
+    Return the mean of the rates of row i, of point n, at the start and the end of a span.
+
+    Without the forces, and what these add to it.
+    """
+    before, gain = 0.0, 0.0
+    for side in range(2):
+        body = rows.body[n, side]
+        for j in range(6):
+            G = 0.5 * rows.G[i, 6 * side + j]
+            before += G * (bodies.velocity[body, j] + then[body, j]
+                           + span * bodies.acceleration[body, j])
+            gain += G * span * rows.z[body, j]
+    return before, gain
 
 
 @kernel

@@ -21,7 +21,8 @@ from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinemat
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
     Buffers, EventArguments, HELD, MORE_FORCES, MORE_PAIRS, STUCK)
-from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
+from rigid_sim_ros.engine.events.groups import (
+    find_groups, may_go, MET, near_pairs, note_way, NOTHING, reach_out, SANK, SHORTEST, WORKS)
 from rigid_sim_ros.engine.events.impacts import (
     collide_group, find_points, look_near, PER_EVENT, PER_PAIR)
 from rigid_sim_ros.engine.events.move import move
@@ -34,13 +35,9 @@ from rigid_sim_ros.engine.state.state import copy_into
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import kernel
 
-# Of a step: no part in which forces stay constant is shorter.
-SHORTEST = 1.0 / 256.0
 # Forces that violate the laws by more than this part of the accelerations are not looked at for
 # how deep bodies get under them.
 ROUGH = 1e-4
-# How the way of a group ends, in `Groups.met`: nothing met, a pair met, one sank in.
-NOTHING, MET, SANK = -1, 0, 1
 
 
 @kernel
@@ -208,8 +205,11 @@ def _find_way(c: EventArguments, g: int) -> None:
     """Find how long the forces of a group act, and what ends that."""
     shapes, memory, w = c.shapes, c.memory, c.buffers
     groups, contacts = w.groups, w.contacts
+    if groups.met[g] == WORKS:
+        groups.way[g] = 0.0
+        return
     until = min(groups.span[g], groups.left[g])
-    groups.way[g], groups.met[g] = until, NOTHING
+    groups.way[g] = until
     first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
     count = near_pairs(shapes, g, memory.pose, memory.box, groups, w.pairs)
     groups.effort[g] += PER_EVENT + PER_PAIR * count
@@ -306,15 +306,17 @@ def _next_span(model: Model, g: int, w: Buffers) -> None:
 
     A point that sinks in under its force shows that its motion curves more within the span than
     the force can know. The span is then cut to the time for which it was right, and doubled again
-    when nothing happens in it.
+    when nothing happens in it. It is halved where the forces would do work.
     """
     groups = w.groups
-    if groups.met[g] < 0:
+    if groups.met[g] == NOTHING:
         groups.span[g] = 2.0 * groups.span[g]
     else:
         groups.events[g] += 1
         if groups.met[g] == SANK:
             groups.span[g] = max(groups.way[g], SHORTEST * model.h)
+        if groups.met[g] == WORKS:
+            groups.span[g] = 0.5 * min(groups.span[g], groups.left[g])
 
 
 @kernel
