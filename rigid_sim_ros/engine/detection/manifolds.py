@@ -379,9 +379,9 @@ def has_impulse(impulse: Array, points: int, r: int) -> bool:
 
 @kernel
 def forget_impulses(manifolds: Manifolds, r: int) -> None:
-    """Let a manifold begin with no impulses."""
+    """Let a manifold begin with no impulses, of points that it may be given yet as well."""
     manifolds.spin[r] = 0.0
-    for p in range(manifolds.points[r]):
+    for p in range(POINTS):
         manifolds.impulse[p, r] = 0.0
     for k in range(3):
         manifolds.friction[r, k] = manifolds.roll[r, k] = 0.0

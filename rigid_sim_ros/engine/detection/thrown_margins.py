@@ -10,7 +10,7 @@ it may be thrown to, and pairs are sought anew; in a row of bodies one after the
 
 from rigid_sim_ros.engine.detection.manifolds import current, Memory, rows_in_use
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
-from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # So often pairs are sought anew in a step at most.
@@ -18,11 +18,13 @@ SEARCHES = 32
 # What is thrown less far, as a part of half of the least that it measures across, is left to the
 # next step: so deep an overlap may become.
 WORTH = 0.05
+# Ways of what is thrown that differ by less, in the same part: rounding ends there.
+ALIKE = 1e-4
 
 
 @kernel
 def widen_margins(inv_m: Array, thickness: Array, shapes: Shapes, materials: Materials,
-                  memory: Memory) -> bool:
+                  memory: Memory, thrown: IntArray) -> bool:
     """
     Widen the margins of what may be hit in this step; return whether any was.
 
@@ -32,7 +34,8 @@ def widen_margins(inv_m: Array, thickness: Array, shapes: Shapes, materials: Mat
 
     and as far its points may go, for what they are near to now. Widening goes on until nothing
     changes among the pairs that are known, so that their order decides nothing. inv_m (n,) [1/kg],
-    thickness (s,) [m] half of the least that shapes measure across.
+    thickness (s,) [m] half of the least that shapes measure across; thrown (s,) becomes 1 for
+    what was widened in this step.
     """
     rows = current(memory)
     first, count = rows_in_use(rows)
@@ -46,8 +49,8 @@ def widen_margins(inv_m: Array, thickness: Array, shapes: Shapes, materials: Mat
             for p in range(1, rows.points[r]):
                 gap = min(gap, rows.gap[p, r])
             if gap <= _way(memory, a) + _way(memory, b):
-                again |= _widen(inv_m, thickness, shapes, materials, memory, a, b)
-                again |= _widen(inv_m, thickness, shapes, materials, memory, b, a)
+                again |= _widen(inv_m, thickness, shapes, materials, memory, thrown, a, b)
+                again |= _widen(inv_m, thickness, shapes, materials, memory, thrown, b, a)
         widened |= again
     return widened
 
@@ -60,18 +63,19 @@ def _way(memory: Memory, s: int) -> float:
 
 @kernel
 def _widen(inv_m: Array, thickness: Array, shapes: Shapes, materials: Materials, memory: Memory,
-           a: int, b: int) -> bool:
+           thrown: IntArray, a: int, b: int) -> bool:
     """Widen the margins of the body of shape b as shape a may throw it; return whether it did."""
     of_A, of_B = inv_m[shapes.body[a]], inv_m[shapes.body[b]]
     if of_B == 0.0:
         return False
     e = materials.restitution[shapes.material[a], shapes.material[b]]
     way = _way(memory, a) * (1.0 + e) * of_B / (of_A + of_B)
-    if way <= _way(memory, b) + WORTH * thickness[b]:
+    least = ALIKE if thrown[b] == 1 else WORTH
+    if way <= _way(memory, b) + least * thickness[b]:
         return False
     s = b
     while s > 0 and shapes.body[s - 1] == shapes.body[b]:
         s -= 1
     for k in range(s, shapes.after[s]):
-        memory.margin[k] = memory.rest_margin[k] + way
+        memory.margin[k], thrown[k] = memory.rest_margin[k] + way, 1
     return True

@@ -103,6 +103,7 @@ class TimestepWork(NamedTuple):
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     thickness: Array  # (s,) [m] half of the least that a shape measures across; of a plane 0
+    thrown: IntArray  # (s,) of 8 bits, 1: its margin is that of what may be hit in this step
     round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
     prediction: Prediction
     collision: CollisionWork
@@ -116,6 +117,7 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
     n, capacity = model.m.shape[0], memory.pages[0].shape_a.shape[0]
     return TimestepWork(empty_loads(n), empty_loads(n), integers(1), integers(1),
                         np.zeros(FLIGHT_SIZE), radii(shapes, n), thicknesses(shapes),
+                        room(shapes.body.shape[0], kind=np.int8),
                         _round_shapes(model, shapes),
                         make_prediction(n, shapes.body.shape[0], capacity),
                         make_collision_work(n, capacity),

@@ -218,8 +218,10 @@ def detect(c: Arguments) -> bool:
     """Find the manifolds of what is near each other; return whether all was there for it."""
     if not detect_once(c):
         return False
+    c.work.thrown[:] = 0
     for _ in range(SEARCHES):
-        if not widen_margins(c.model.inv_m, c.work.thickness, c.shapes, c.materials, c.memory):
+        if not widen_margins(c.model.inv_m, c.work.thickness, c.shapes, c.materials, c.memory,
+                             c.work.thrown):
             break
         turn_page_back(c.memory)
         if detect_part(c, WHOLE) == 0:

@@ -14,19 +14,20 @@ from rigid_sim_ros.engine.dynamics.kinematic import LASTS
 from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.engine.solver.passages import _without_work
 
-H, RADIUS, SHEET, PLACE, GAP = 0.01, 0.05, 2e-3, -0.06, 0.01
+H, RADIUS, SHEET, PLACE, GAP = 0.01, 0.05, 2e-3, -0.26, 0.01
 LIGHT, HEAVY, OTHER = range(3)
 
 
 def thrown(things=(), restitution=1.0, speed=10.0) -> TimestepScene:
     """
-    Return a ball at rest that a heavy one from above throws down.
+    Return a ball that rises and that a heavy one from above throws down.
 
-    That gets nearly twice the speed of the heavy one in the first tenth of a step, and flies 18 cm
-    in the rest of it. What lies 1 cm below the ball is not near anything as the step begins.
+    That gets nearly twice the speed of the heavy one and its own in the first tenth of a step, and
+    flies 23 cm in the rest of it. Contacts are sought as far as the heavy one would throw it from
+    rest, 20 cm: what lies 21 cm below it is not near anything as the step begins.
     """
     return TimestepScene(
-        [ball(RADIUS, 0.01), ball(0.1, 100.0, position=(0, 0, RADIUS + 0.1 + GAP),
+        [ball(RADIUS, 0.01, velocity=(0, 0, 0.5 * speed)), ball(0.1, 100.0, position=(0, 0, RADIUS + 0.1 + GAP),
                                   velocity=(0, 0, -speed)), *things],
         Material(friction=0.0, restitution=restitution), H)
 
@@ -49,7 +50,7 @@ def test_it_stops_where_it_is_deeper_by_an_eighth_of_the_thinner_one():
     surface = PLACE + 0.5 * SHEET
     assert scene.state.x[2, LIGHT] == pytest.approx(
         surface + RADIUS - DEEPER * 0.5 * SHEET, abs=1e-12)
-    assert scene.v[2, LIGHT] < -19.0    # known to the solver, and what the next step begins with
+    assert scene.v[2, LIGHT] < -24.0    # known to the solver, and what the next step begins with
 
 
 def test_forces_act_for_as_long_as_it_goes():
@@ -57,8 +58,8 @@ def test_forces_act_for_as_long_as_it_goes():
     free.step()
     stopped.step()
     lost = stopped.state.x[2, LIGHT] - free.state.x[2, LIGHT]
-    assert lost > -0.5 * free.state.x[2, LIGHT] > 0.0
-    # v^2 / 2 + g z is that of the free fall; rounding of 20 m/s.
+    assert lost > 0.01
+    # v^2 / 2 + g z is that of the free fall; rounding of 25 m/s.
     assert stopped.v[2, LIGHT] == pytest.approx(
         -math.sqrt(free.v[2, LIGHT] ** 2 - 2.0 * G * lost), abs=1e-12)
 
@@ -126,6 +127,6 @@ def test_what_rests_on_a_ship_has_the_margins_of_what_rests_on_land():
 def test_ways_are_as_long_on_a_ship_as_on_land():
     scene = on_a_ship(thrown([sheet()], speed=1e-3))
     scene.step()
-    # What falls for a step has g h / 2 in the mean, the heavy one 1 mm/s more.
-    wanted = H * (0.5 * G * H + np.array([0.0, 1e-3]))
+    # What falls for a step has g h / 2 in the mean, the heavy one 1 mm/s more, the other less.
+    wanted = H * (0.5 * G * H + np.array([-0.5e-3, 1e-3]))
     assert scene.work.ways.length[:2] == pytest.approx(wanted, abs=1e-15)
