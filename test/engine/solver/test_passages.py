@@ -27,8 +27,8 @@ def thrown(things=(), restitution=1.0, speed=10.0) -> TimestepScene:
     rest, 20 cm: what lies 21 cm below it is not near anything as the step begins.
     """
     return TimestepScene(
-        [ball(RADIUS, 0.01, velocity=(0, 0, 0.5 * speed)), ball(0.1, 100.0, position=(0, 0, RADIUS + 0.1 + GAP),
-                                  velocity=(0, 0, -speed)), *things],
+        [ball(RADIUS, 0.01, velocity=(0, 0, 0.5 * speed)),
+         ball(0.1, 100.0, position=(0, 0, RADIUS + 0.1 + GAP), velocity=(0, 0, -speed)), *things],
         Material(friction=0.0, restitution=restitution), H)
 
 
