@@ -43,8 +43,8 @@ _LIVELINESS = {
 }
 
 # A queue is no part of what publishers and subscribers agree on. At least this many messages find
-# a place in it: after a stall some are sent at once.
-_LEAST_DEPTH = 100
+# a place in it: after a stall, as while a file is decompressed, some are sent at once.
+_LEAST_DEPTH = 1000
 _MOST_DEPTH = 10_000
 
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
