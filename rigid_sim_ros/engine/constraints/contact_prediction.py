@@ -33,7 +33,8 @@ from rigid_sim_ros.engine.detection.backtrack import (
     approach_bound, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifold_rows import is_mended
 from rigid_sim_ros.engine.detection.manifolds import (
-    ACTS, DORMANT, forget_impulses, has_impulse, Manifolds, POINTS, rows_in_use, Scratch)
+    ACTS, DORMANT, forget_impulses, has_impulse, Manifolds, POINTS, rows_in_use, Scratch,
+    smallest_gap)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
@@ -126,7 +127,7 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         if moved < STILL * size:
             continue
         # What is mended for what lies beside would, as a pair alone, be as it was before.
-        gap, mended = _smallest_gap(manifolds, r), is_mended(manifolds, r)
+        gap, mended = smallest_gap(manifolds, r), is_mended(manifolds, r)
         near, may_pass = gap <= TOUCHING * size, False
         if near and gap > MET * size and not has_impulse(
                 manifolds.impulse, manifolds.points[r], r):
@@ -155,14 +156,6 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         elif near:
             activity[r] = DORMANT
             forget_impulses(manifolds, r)
-
-
-@kernel
-def _smallest_gap(manifolds: Manifolds, r: int) -> float:
-    gap = manifolds.gap[0, r]
-    for p in range(1, manifolds.points[r]):
-        gap = min(gap, manifolds.gap[p, r])
-    return gap
 
 
 @kernel
@@ -356,7 +349,7 @@ def _move_to_meeting(model: Model, state: State, loads: Loads, shapes: Shapes,
     Or of a time a little earlier, so that nothing overlaps.
     """
     a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
-    first_gap, met = _smallest_gap(manifolds, r), MET * min(shapes.bound[a], shapes.bound[b])
+    first_gap, met = smallest_gap(manifolds, r), MET * min(shapes.bound[a], shapes.bound[b])
     for _ in range(EARLIER):
         for s in (a, b):
             place_ahead(model, state, loads, shapes, s, t, prediction.pose)

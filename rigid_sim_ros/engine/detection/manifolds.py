@@ -378,6 +378,15 @@ def has_impulse(impulse: Array, points: int, r: int) -> bool:
 
 
 @kernel
+def smallest_gap(manifolds: Manifolds, r: int) -> float:
+    """Return the gap [m] of that point of manifold r which is nearest."""
+    gap = manifolds.gap[0, r]
+    for p in range(1, manifolds.points[r]):
+        gap = min(gap, manifolds.gap[p, r])
+    return gap
+
+
+@kernel
 def forget_impulses(manifolds: Manifolds, r: int) -> None:
     """Let a manifold begin with no impulses, of points that it may be given yet as well."""
     manifolds.spin[r] = 0.0

@@ -8,7 +8,7 @@ another has hit it, it may reach that in the same step. So what may be met gets 
 it may be thrown to, and pairs are sought anew; in a row of bodies one after the other.
 """
 
-from rigid_sim_ros.engine.detection.manifolds import current, Memory, rows_in_use
+from rigid_sim_ros.engine.detection.manifolds import current, Memory, rows_in_use, smallest_gap
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -45,10 +45,7 @@ def widen_margins(inv_m: Array, thickness: Array, shapes: Shapes, materials: Mat
         for k in range(count):
             r = (first + k) & INDEX
             a, b = rows.shape_a[r] & INDEX, rows.shape_b[r] & INDEX
-            gap = rows.gap[0, r]
-            for p in range(1, rows.points[r]):
-                gap = min(gap, rows.gap[p, r])
-            if gap <= _way(memory, a) + _way(memory, b):
+            if smallest_gap(rows, r) <= _way(memory, a) + _way(memory, b):
                 again |= _widen(inv_m, thickness, shapes, materials, memory, thrown, a, b)
                 again |= _widen(inv_m, thickness, shapes, materials, memory, thrown, b, a)
         widened |= again
