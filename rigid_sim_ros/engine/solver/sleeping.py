@@ -19,7 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use
+from rigid_sim_ros.engine.detection.manifolds import (
+    current, Manifolds, Memory, rows_in_use, smallest_gap)
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.kinematic import is_carried
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
@@ -144,21 +145,28 @@ def _wake_by_moved(inv_m: Array, rest: Rest, a: int, b: int) -> None:
 
 @kernel
 def wake_touched(h: float, inv_m: Array, inv_I_C: Array, state: State, radius: Array,
-                 manifolds: Manifolds, rest: Rest) -> None:
-    """Wake the islands that an awake body may touch within h [s]."""
-    woken = False
+                 memory: Memory, rest: Rest) -> None:
+    """
+    Wake the islands that an awake body may touch within h [s], or one that it may throw.
+
+    What is thrown goes as far as its margin says; see thrown_margins.py.
+    """
+    manifolds, woken, again = current(memory), False, True
     first, count = rows_in_use(manifolds)
-    for r in range(first, first + count):
-        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        if rest.asleep[a] == rest.asleep[b] or inv_m[a] == 0.0 or inv_m[b] == 0.0:
-            continue
-        awake = b if rest.asleep[a] == 1 else a
-        reach = NEAR + _speed(inv_m, inv_I_C, state, radius, awake) * h
-        for p in range(manifolds.points[r]):
-            if manifolds.gap[p, r] < reach:
+    while again:
+        again = False
+        for r in range(first, first + count):
+            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+            if rest.asleep[a] == rest.asleep[b] or inv_m[a] == 0.0 or inv_m[b] == 0.0:
+                continue
+            awake = b if rest.asleep[a] == 1 else a
+            s = manifolds.shape_b[r] if awake == b else manifolds.shape_a[r]
+            way = max(_speed(inv_m, inv_I_C, state, radius, awake) * h,
+                      memory.margin[s] - memory.rest_margin[s])
+            if smallest_gap(manifolds, r) < NEAR + way:
                 _wake(rest, a)
                 _wake(rest, b)
-                woken = True
+                woken = again = True
     if woken:
         _wake_neighbours(inv_m, manifolds, rest)
 

@@ -167,8 +167,8 @@ def _give(d: Division, changed: bool) -> None:
 
 @kernel
 def _wake_touched(c: Arguments) -> None:
-    wake_touched(c.model.h, c.model.inv_m, c.model.inv_I_C, c.state, c.work.radius,
-                 current(c.memory), c.rest)
+    wake_touched(c.model.h, c.model.inv_m, c.model.inv_I_C, c.state, c.work.radius, c.memory,
+                 c.rest)
 
 
 @kernel

@@ -205,7 +205,7 @@ def wake_or_sleep(c: Arguments, when: int) -> int:
     if when == _DISTURBED:
         wake_disturbed(model, state, work.loads, work.radius, manifolds, rest)
     elif when == _TOUCHED:
-        wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
+        wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, c.memory, rest)
     else:
         keep_pressing(manifolds, work.solver.bodies.slot, rest, acted.impulse, acted.friction)
         fall_asleep(model.inv_m, model.inv_I_C, state, work.loads, work.radius, manifolds,

@@ -164,3 +164,20 @@ def test_bodies_that_a_spring_ties_sleep_and_wake_together():
     world.apply_impulse('left', (0.0, 0.1, 0.0))
     world.step(1)
     assert asleep(world) == 3
+
+
+@pytest.mark.parametrize('restitution', [0.0, 0.9])
+def test_a_blow_goes_on_into_what_sleeps(restitution):
+    # At 8 m/s a ball goes more than its radius in a step: who is hit in it meets the next one. One
+    # that slept on would be a wall.
+    cubes = [{'name': f'b{k}', 'mass': 0.2, 'shape': {'type': 'box', 'size': [0.06] * 3},
+              'pose': {'position': [0.063 * k, 0.0, 0.03]}} for k in range(5)]
+    ball = {'name': 'ball', 'mass': 0.2, 'shape': {'type': 'sphere', 'radius': 0.03},
+            'pose': {'position': [-2.0, 0.0, 0.0301]}, 'twist': {'linear': [8.0, 0.0, 0.0]}}
+    world = World.from_dict({
+        'format': 1, 'world': {'step': 1 / 240}, 'collision': {'sleep_after': 0.05},
+        'materials': {'default': {'friction': 0.0, 'restitution': restitution}},
+        'bodies': [{'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}, *cubes, ball]})
+    world.step(90)
+    # Rounding of 1.6 N s in each of some ten collisions.
+    assert world.total_momentum()[0] == pytest.approx(1.6, abs=1e-12)
