@@ -5,11 +5,11 @@ When bodies meet.
 
 For each pair of shapes the gap is followed by conservative advancement: along the normal n the
 shapes cannot approach faster than a bound mu (motion_ahead.py), so they are apart until gap / mu
-has passed (Mirtich, Impulse-based Dynamic Simulation, PhD thesis, Berkeley
-1996, section 2.3). No speed and no thinness makes a pair slip through. Where the gap changes its
-sign the time is found by the ITP method, which has the worst case of bisection and converges
-faster than the secant rule (Oliveira, Takahashi, An enhancement of the bisection method average
-performance, ACM Trans. Math. Softw. 47 (2021)).
+has passed (Mirtich, Impulse-based Dynamic Simulation, PhD thesis, Berkeley 1996, section 2.3). No
+speed and no thinness makes a pair slip through. Where the gap changes its sign the time is found
+by the ITP method, which has the worst case of bisection and converges faster than the secant rule
+(Oliveira, Takahashi, An enhancement of the bisection method average performance, ACM Trans. Math.
+Softw. 47 (2021)).
 """
 
 import math
