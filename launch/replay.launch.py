@@ -9,16 +9,14 @@ Start the node `replay`.
 `ros2 launch rigid_sim_ros replay.launch.py --show-args` lists the arguments. When the node ends,
 so does the launch, unless another launch file includes this one, or `ends_launch` says otherwise.
 """
-from itertools import pairwise
-import os
-from pathlib import Path
-import sys
 from typing import Any
 
 from launch import LaunchDescription  # type: ignore[attr-defined]
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from rigid_sim_ros.nodes.launching import ends_launch
 
 ARGUMENTS = {
     'bag': ('', 'folder of a ROS 2 bag; empty: what the parameters say'),
@@ -60,20 +58,6 @@ def _node(context: Any) -> list[Node]:
         arguments=words,
         parameters=[given['params_file']] if given['params_file'] else [],
         output='screen',
-        on_exit=_ending(given),
+        # None for nothing: launch fails with an empty list.
+        on_exit=[Shutdown()] if ends_launch(given['ends_launch'], __file__) else None,
     )]
-
-
-def _ending(given: dict[str, str]) -> list[Shutdown] | None:
-    """Return what happens when the node ends; None, for launch fails with an empty list."""
-    ends = (given['ends_launch'].lower() in ('true', '1') if given['ends_launch']
-            else _is_launched(sys.argv))
-    return [Shutdown()] if ends else None
-
-
-def _is_launched(words: list[str]) -> bool:
-    """Return whether a command line names this file, not another one of that name."""
-    return any(
-        (package, word) == ('rigid_sim_ros', Path(__file__).name)
-        or (os.path.exists(word) and os.path.samefile(word, __file__))
-        for package, word in pairwise(words))

@@ -16,10 +16,7 @@ false for all but one. Such a launch goes on when a node ends, unless `ends_laun
 Launch hands the arguments of one inclusion, such as `record`, on to the next ones that do not
 give their own: put each into a GroupAction.
 """
-from itertools import pairwise
-import os
 from pathlib import Path
-import sys
 from typing import Any
 
 from ament_index_python import get_package_share_directory, get_packages_with_prefixes
@@ -27,6 +24,8 @@ from launch import LaunchDescription  # type: ignore[attr-defined]
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from rigid_sim_ros.nodes.launching import ends_launch
 
 ARGUMENTS = {
     'scene': ('', 'path of a scene file or name of an example; empty: what the parameters say'),
@@ -66,23 +65,9 @@ def _nodes(context: Any) -> list[Node]:
         arguments=words,
         parameters=[given['params_file']] if given['params_file'] else [],
         output='screen',
-        on_exit=_ending(given),
+        # None for nothing: launch fails with an empty list.
+        on_exit=[Shutdown()] if ends_launch(given['ends_launch'], __file__) else None,
     )]
-
-
-def _ending(given: dict[str, str]) -> list[Shutdown] | None:
-    """Return what happens when the node ends; None, for launch fails with an empty list."""
-    ends = (given['ends_launch'].lower() in ('true', '1') if given['ends_launch']
-            else _is_launched(sys.argv))
-    return [Shutdown()] if ends else None
-
-
-def _is_launched(words: list[str]) -> bool:
-    """Return whether a command line names this file, not another one of that name."""
-    return any(
-        (package, word) == ('rigid_sim_ros', Path(__file__).name)
-        or (os.path.exists(word) and os.path.samefile(word, __file__))
-        for package, word in pairwise(words))
 
 
 def _rviz(given: dict[str, str]) -> Node:

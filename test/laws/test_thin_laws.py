@@ -11,8 +11,10 @@ from laws.book import breaches, THIN
 import pytest
 
 SCENES = {'timestep': 8, 'event': 3}
-# Scenes that are known to break a law, or that take minutes.
-KNOWN: dict[tuple[str, str], set[int]] = {('thin-turned', 'event'): {2}}
+# Scenes that are known to break a law, or that take a hundred times as long as others: a needle of
+# half a millimetre on a mesh.
+KNOWN: dict[tuple[str, str], set[int]] = {
+    ('thin-turned', 'event'): {2}, ('thin-through', 'timestep'): {2}}
 ASKED = [(law, model) for law in THIN for model in SCENES if model in THIN[law].models]
 
 
@@ -23,7 +25,8 @@ THROUGH = 36, 91, 32
 
 @pytest.mark.parametrize(('law', 'model'), ASKED)
 def test_law_holds_for_thin_bodies(law, model):
-    seeds = set(range(SCENES[model])) - KNOWN.get((law, model), set())
+    known = KNOWN.get((law, model), set())
+    seeds = set(range(SCENES[model] + len(known))) - known
     assert not breaches(law, model, seeds), THIN[law].says
 
 

@@ -3,9 +3,9 @@
 """
 Programs of the package in processes that have imported them already.
 
-They are forks of a process that has imported the programs and done nothing else (preloaded.py), so
-that each one starts at once: the imports take a second of a processor, and the tests start some
-hundred nodes.
+They are forks of a process that has imported the programs and loaded their kernels (preloaded.py),
+so that each one starts at once: that takes more than a second of a processor, and the tests start
+some hundred nodes.
 """
 from collections.abc import Mapping, Sequence
 import multiprocessing

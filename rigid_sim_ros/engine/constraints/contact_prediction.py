@@ -29,12 +29,12 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
 from rigid_sim_ros.engine.contact.collisions import bounces, slowest_bounce
-from rigid_sim_ros.engine.detection.backtrack import (
-    approach_bound, least_stage, pair_gap, place_ahead, way_ahead)
+from rigid_sim_ros.engine.detection.backtrack import least_stage, pair_gap
 from rigid_sim_ros.engine.detection.manifold_rows import is_mended
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, has_impulse, Manifolds, POINTS, rows_in_use, Scratch,
     smallest_gap)
+from rigid_sim_ros.engine.detection.motion_ahead import approach_bound, place_ahead, way_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads

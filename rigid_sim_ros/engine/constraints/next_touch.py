@@ -21,10 +21,10 @@ from rigid_sim_ros.engine.constraints.contact_prediction import (
 from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, NEVER, SPIN
 from rigid_sim_ros.engine.contact.collisions import bounces, collisions_of
 from rigid_sim_ros.engine.contact.impact_offsets import shifted
-from rigid_sim_ros.engine.detection.backtrack import (
-    approach_bound, crossing, least_stage, pair_gap, place_ahead, way_ahead)
+from rigid_sim_ros.engine.detection.backtrack import crossing, least_stage, pair_gap
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, has_impulse, LEFT_OUT, Manifolds, rows_in_use, Scratch)
+from rigid_sim_ros.engine.detection.motion_ahead import approach_bound, place_ahead, way_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.maths.vector import (

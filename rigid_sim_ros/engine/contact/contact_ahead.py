@@ -19,8 +19,8 @@ under no force, so they hold for every pair of shapes:
 
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, read_rates, read_turning, tangents, to_contact, to_world)
-from rigid_sim_ros.engine.detection.backtrack import place_ahead
 from rigid_sim_ros.engine.detection.manifolds import Scratch
+from rigid_sim_ros.engine.detection.motion_ahead import place_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads

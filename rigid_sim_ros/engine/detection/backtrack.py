@@ -3,35 +3,25 @@
 """
 When bodies meet.
 
-Within a step the loads are constant, so the pose of a body at any time of the step follows from
-its state at the start alone. For each pair of shapes the gap is followed by conservative
-advancement: along the normal n the shapes cannot approach faster than a bound mu, so they are
-apart until gap / mu has passed (Mirtich, Impulse-based Dynamic Simulation, PhD thesis, Berkeley
-1996, section 2.3). No speed and no thinness makes a pair slip through. Where the gap changes its
-sign the time is found by the ITP method, which has the worst case of bisection and converges
-faster than the secant rule (Oliveira, Takahashi, An enhancement of the bisection method average
-performance, ACM Trans. Math. Softw. 47 (2021)).
+For each pair of shapes the gap is followed by conservative advancement: along the normal n the
+shapes cannot approach faster than a bound mu (motion_ahead.py), so they are apart until gap / mu
+has passed (Mirtich, Impulse-based Dynamic Simulation, PhD thesis, Berkeley 1996, section 2.3). No
+speed and no thinness makes a pair slip through. Where the gap changes its sign the time is found
+by the ITP method, which has the worst case of bisection and converges faster than the secant rule
+(Oliveira, Takahashi, An enhancement of the bisection method average performance, ACM Trans. Math.
+Softw. 47 (2021)).
 """
 
 import math
 
-
-from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.manifolds import Scratch
+from rigid_sim_ros.engine.detection.motion_ahead import approach_bound, place_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, collide, CONVEX, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.signed_distance import signed_distance
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
-from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
-from rigid_sim_ros.engine.dynamics.kinematic import (
-    is_carried, pose_ahead, prescribed_spin, prescribed_velocity)
-from rigid_sim_ros.engine.maths.algebra import (
-    add_scaled, column, norm, quaternion, rotate, row, scale)
-from rigid_sim_ros.engine.maths.rotation import multiply, to_matrix
-from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes, smaller
-from rigid_sim_ros.engine.state.rates import fastest_turning
-from rigid_sim_ros.engine.state.state import body_velocity, State
+from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -56,45 +46,6 @@ NEAR = 1e-2
 # where nothing stops them. With more they might be pushed out on the other side.
 DEEPER = 0.25
 MAX_STEPS = 80  # of ITP; bisection would halve a second to 1e-12 s with 40
-
-
-@kernel
-def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, t: float,
-                pose: Array) -> None:
-    """
-    Write row s of the shape poses as it will be after a step of t [s] under constant loads.
-
-    The pose part of kick, drift, kick: x + t (P + t F / 2) / M, and the free rotation with L + t
-    tau / 2.
-    """
-    i = shapes.body[s]
-    q = quaternion(state.q, i)
-    x = column(state.x, i)
-    if model.inv_m[i] > 0.0:
-        P, L = column(state.P, i), column(state.L, i)
-        F, tau = column(loads.F, i), column(loads.tau, i)
-        ahead = t * model.inv_m[i]
-        x = (x[0] + ahead * (P[0] + 0.5 * t * F[0]), x[1] + ahead * (P[1] + 0.5 * t * F[1]),
-             x[2] + ahead * (P[2] + 0.5 * t * F[2]))
-        L = (L[0] + 0.5 * t * tau[0], L[1] + 0.5 * t * tau[1], L[2] + 0.5 * t * tau[2])
-        if t != 0.0:
-            q = turn_fast(q, L, column(model.inv_I_C, i), t)
-    else:
-        x, q = pose_ahead(state, i, t)
-    r = rotate(q, row(shapes.p_CS, s))
-    R = to_matrix(multiply(q, (shapes.q_CS[s, 0], shapes.q_CS[s, 1], shapes.q_CS[s, 2],
-                               shapes.q_CS[s, 3])))
-    for k in range(3):
-        pose[s, k] = x[k] + r[k]
-        for j in range(3):
-            pose[s, 3 + 3 * k + j] = R[k][j]
-
-
-@kernel
-def way_ahead(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
-    """Return how far the centre of mass of a body moves in t [s] under constant loads [m]."""
-    return scale(t, add_scaled(body_velocity(model, state, i), 0.5 * t * model.inv_m[i],
-                               column(loads.F, i)))
 
 
 @kernel
@@ -133,169 +84,6 @@ def film(shapes: Shapes, a: int, b: int) -> float:
     if FAMILY[shapes.kind[a], shapes.kind[b]] == CONVEX:
         return FILM * smaller(shapes, a, b)
     return 0.0
-
-
-@kernel
-def reach_of_turning(shapes: Shapes, s: int) -> float:
-    """Return how far [m] from the centre of mass turning moves the surface of shape s."""
-    offset = norm(row(shapes.p_CS, s))
-    # A sphere around the centre of mass looks the same however it turns.
-    return offset if is_ball(shapes.kind[s]) else offset + shapes.bound[s]
-
-
-@kernel
-def _prescribed_turning(state: State, shapes: Shapes, s: int) -> float:
-    """Return how fast [m/s] a prescribed spin moves the surface of shape s, at most."""
-    spin = norm(prescribed_spin(state, shapes.body[s]))
-    # A plane that stands still reaches infinitely far: 0 times that is no number.
-    return spin * reach_of_turning(shapes, s) if spin > 0.0 else 0.0
-
-
-@kernel
-def approach_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, n: Vector,
-                   t: float) -> float:
-    """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
-    i = shapes.body[s]
-    if model.inv_m[i] == 0.0:
-        v = prescribed_velocity(state, i)
-        return n[0] * v[0] + n[1] * v[1] + n[2] * v[2] + _prescribed_turning(state, shapes, s)
-    P, L = column(state.P, i), column(state.L, i)
-    F, tau = column(loads.F, i), column(loads.tau, i)
-    now = model.inv_m[i] * (n[0] * P[0] + n[1] * P[1] + n[2] * P[2])
-    later = now + t * model.inv_m[i] * (n[0] * F[0] + n[1] * F[1] + n[2] * F[2])
-    # The bound is convex in L: its larger end holds for all of the time.
-    turning = max(_turning(model, state, shapes, s, L),
-                  _turning(model, state, shapes, s, add_scaled(L, t, tau)))
-    return max(now, later) + turning
-
-
-@kernel
-def _turning(model: Model, state: State, shapes: Shapes, s: int, L: Vector) -> float:
-    """Return how fast [m/s] a body that turns with L moves the surface of shape s, at most."""
-    i = shapes.body[s]
-    return fastest_turning(quaternion(state.q, i), L, column(model.inv_I_C, i),
-                           reach_of_turning(shapes, s), shapes.mobility[i])
-
-
-@kernel
-def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int,
-                 t: float) -> float:
-    """Return how far [m] any point of shape s can move within t [s], at most."""
-    i = shapes.body[s]
-    if model.inv_m[i] == 0.0:
-        if not is_carried(state, i):
-            return 0.0
-        return t * (norm(prescribed_velocity(state, i)) + _prescribed_turning(state, shapes, s))
-    speed = model.inv_m[i] * (norm(column(state.P, i)) + t * norm(column(loads.F, i)))
-    L, tau = column(state.L, i), column(loads.tau, i)
-    turning = _turning(model, state, shapes, s, L)
-    if norm(tau) > 0.0:
-        turning += _turning(model, state, shapes, s, scale(t, tau))
-    return t * (speed + turning)
-
-
-@kernel
-def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: float, pose: Array,
-                radius: Array, low: Array, order: IntArray, pairs: IntArray) -> int:
-    """
-    Write the pairs of shapes (p, 2) that may meet within t [s], sorted; return how many there are.
-
-    Where that is more than the room, only some were written. Spheres around the shapes, larger by
-    their motion: those of shapes that move are sorted along x and swept, those of the others are
-    looked up among them, so that a large ground costs little. radius, low and order, (s,), are
-    scratch.
-    """
-    count = shapes.body.shape[0]
-    for s in range(count):
-        place_ahead(model, state, loads, shapes, s, 0.0, pose)
-        radius[s] = shapes.bound[s] + motion_bound(model, state, loads, shapes, s, t)
-    return pairs_near(model, shapes, pose, radius, low, order, pairs)
-
-
-@kernel
-def pairs_near(model: Model, shapes: Shapes, pose: Array, radius: Array, low: Array,
-               order: IntArray, pairs: IntArray) -> int:
-    """Write the pairs of shapes whose spheres of given radii [m] meet; low, order are scratch."""
-    count, movers, widest, found = shapes.body.shape[0], 0, 0.0, 0
-    for s in range(count):
-        low[s] = pose[s, 0] - radius[s]
-        if shapes.still[s] == 0:
-            at = movers
-            while at > 0 and low[order[at - 1]] > low[s]:
-                order[at] = order[at - 1]
-                at -= 1
-            order[at] = s
-            movers, widest = movers + 1, max(widest, 2.0 * radius[s])
-    for s in range(count):
-        # Of what moves, all that may reach back to the lower end begin after this.
-        first = (_first_from(low, order, movers, low[s] - widest) if shapes.still[s] == 1
-                 else movers)
-        for j in range(first, movers):
-            if low[order[j]] > pose[s, 0] + radius[s]:
-                break
-            found = _add_near(model, shapes, pose, radius, s, order[j], found, pairs)
-    for i in range(movers):
-        s = order[i]
-        for j in range(i + 1, movers):
-            if low[order[j]] > pose[s, 0] + radius[s]:
-                break
-            found = _add_near(model, shapes, pose, radius, s, order[j], found, pairs)
-    if found <= pairs.shape[0]:
-        _sort(pairs, found)
-    return found
-
-
-@kernel
-def _first_from(low: Array, order: IntArray, count: int, x: float) -> int:
-    """Return the first place in `order`, sorted by `low`, whose lower end is at least x [m]."""
-    first, last = 0, count
-    while first < last:
-        middle = (first + last) // 2
-        if low[order[middle]] < x:
-            first = middle + 1
-        else:
-            last = middle
-    return first
-
-
-@kernel
-def _add_near(model: Model, shapes: Shapes, pose: Array, radius: Array, s: int, other: int,
-              found: int, pairs: IntArray) -> int:
-    """Add a pair that may meet, if there is room; return how many there are."""
-    a, b = min(s, other), max(s, other)
-    if not (near(shapes, pose, radius, a, b) and may_collide(shapes, model.m.shape[0], a, b)):
-        return found
-    if found < pairs.shape[0]:
-        pairs[found, 0], pairs[found, 1] = a, b
-    return found + 1
-
-
-@kernel
-def _sort(pairs: IntArray, count: int) -> None:
-    """Sort rows by their first, then their second number, by insertion."""
-    for k in range(1, count):
-        a, b = pairs[k, 0], pairs[k, 1]
-        at = k
-        while at > 0 and (pairs[at - 1, 0] > a or (pairs[at - 1, 0] == a and pairs[at - 1,
-                                                                                   1] > b)):
-            pairs[at, 0], pairs[at, 1] = pairs[at - 1, 0], pairs[at - 1, 1]
-            at -= 1
-        pairs[at, 0], pairs[at, 1] = a, b
-
-
-@kernel
-def near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
-    """Return whether the spheres around two shapes, or a sphere and a half space, may meet."""
-    return _near(shapes, pose, radius, a, b) and _near(shapes, pose, radius, b, a)
-
-
-@kernel
-def _near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
-    """Return whether the sphere around b may reach the sphere or the half space of a."""
-    d = (pose[b, 0] - pose[a, 0], pose[b, 1] - pose[a, 1], pose[b, 2] - pose[a, 2])
-    if is_unbounded(shapes.kind[a]):
-        return d[0] * pose[a, 5] + d[1] * pose[a, 8] + d[2] * pose[a, 11] <= radius[b]
-    return norm(d) <= radius[a] + radius[b]
 
 
 @kernel

@@ -26,7 +26,7 @@ from rigid_sim_ros.engine.detection.carried_impulses import carry_over
 from rigid_sim_ros.engine.detection.manifold_rows import (
     find_row, mark_mended, pack_rows, take_point)
 from rigid_sim_ros.engine.detection.manifolds import (
-    CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams)
+    CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams, smallest_gap)
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
@@ -265,15 +265,14 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
         _, m = _shapes_of(rows, k, side)
         if rows.points[k] <= 0:
             continue
-        points, nearest, standing = rows.points[k], math.inf, 0
+        points, standing = rows.points[k], 0
         for p in range(points):
-            nearest = min(nearest, rows.gap[p, k])
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
             if stands(shapes, memory, rows, m, k, side, x, _outward(rows, k, side)):
                 standing |= 1 << p
         if standing == (1 << points) - 1:
             continue
-        kept = _along_a_face(shapes, memory, scratch, rows, k, side, nearest)
+        kept = _along_a_face(shapes, memory, scratch, rows, k, side, smallest_gap(rows, k))
         if kept > 0:
             old = find_row(before, rows.shape_a[k], rows.shape_b[k])
             carry_over(rows, before, k, old, kept)

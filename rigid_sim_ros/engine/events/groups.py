@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.detection.backtrack import motion_bound, near, pairs_near, place_ahead
+from rigid_sim_ros.engine.detection.motion_ahead import motion_bound, place_ahead
+from rigid_sim_ros.engine.detection.sphere_pairs import near, pairs_near
 from rigid_sim_ros.engine.detection.transform_update import is_at, keep_place
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.kinematic import is_carried

@@ -24,11 +24,12 @@ Only what moves farther than half of that depth is asked. Most steps end with on
 import math
 
 from rigid_sim_ros.engine.contact.impact_offsets import displacement, has_collided, SHIFT
-from rigid_sim_ros.engine.detection.backtrack import DEEPER, pair_gap, passage, place_ahead
+from rigid_sim_ros.engine.detection.backtrack import DEEPER, pair_gap, passage
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.grid import boxes_overlap
 from rigid_sim_ros.engine.detection.manifolds import current, rows_in_use
 from rigid_sim_ros.engine.detection.margins import standard_of_rest
+from rigid_sim_ros.engine.detection.motion_ahead import place_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin, prescribed_velocity

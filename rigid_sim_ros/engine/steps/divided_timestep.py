@@ -12,12 +12,11 @@ how fast all fly by together does not matter. What sleeps belongs to neither: bo
 nothing could push it, and the solver with joints has only those articulations that are awake.
 """
 
-import math
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.detection.manifold_rows import pack_rows
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, earlier, Manifolds, Memory, POINTS, rows_in_use)
+    current, earlier, Manifolds, Memory, POINTS, rows_in_use, smallest_gap)
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.joints.part import Part, put_back, take_out
@@ -222,15 +221,14 @@ def _may_meet(d: Division, manifolds: Manifolds, r: int, a: int, b: int) -> bool
     That is detection's rule (margins.py) with the velocity of one body against the other: of what
     detection finds it leaves out what only flies fast in company.
     """
-    c, gap = d.free, math.inf
-    for j in range(manifolds.points[r]):
-        gap = min(gap, manifolds.gap[j, r])
+    c = d.free
     v_a, w_a = _motion(d, a)
     v_b, w_b = _motion(d, b)
     way = c.model.h * (norm(subtract(v_a, v_b)) + c.work.radius[a] * norm(w_a)
                        + c.work.radius[b] * norm(w_b))
     margins = c.memory.rest_margin
-    return bool(gap <= way + margins[manifolds.shape_a[r]] + margins[manifolds.shape_b[r]])
+    return bool(smallest_gap(manifolds, r)
+                <= way + margins[manifolds.shape_a[r]] + margins[manifolds.shape_b[r]])
 
 
 @kernel

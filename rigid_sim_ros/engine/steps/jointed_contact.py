@@ -24,9 +24,9 @@ from rigid_sim_ros.engine.contact.contact_search import (
 from rigid_sim_ros.engine.contact.contacts import read_velocity
 from rigid_sim_ros.engine.contact.recorded_impulses import (
     forget_all_impulses, note, note_all, record)
-from rigid_sim_ros.engine.detection.backtrack import approach_bound
-from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
+from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory, smallest_gap
 from rigid_sim_ros.engine.detection.margins import set_margins
+from rigid_sim_ros.engine.detection.motion_ahead import approach_bound
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
 from rigid_sim_ros.engine.maths.vector import row
@@ -124,13 +124,11 @@ def reach(c: JointedContact, r: int, h: float) -> tuple[float, float]:
     a, b = manifolds.shape_a[r], manifolds.shape_b[r]
     if is_unbounded(shapes.kind[a]) or is_unbounded(shapes.kind[b]):
         return 0.0, math.inf    # nothing comes out on the other side of a half space
-    n, gap = row(manifolds.normal, r), math.inf
-    for p in range(manifolds.points[r]):
-        gap = min(gap, manifolds.gap[p, r])
+    n = row(manifolds.normal, r)
     speed = (approach_bound(model, state, loads, shapes, a, n, h)
              + approach_bound(model, state, loads, shapes, b, (-n[0], -n[1], -n[2]), h)
              + c.buffers.sudden[shapes.body[a]] + c.buffers.sudden[shapes.body[b]])
-    return speed, max(gap, 0.5 * min(c.thickness[a], c.thickness[b]))
+    return speed, max(smallest_gap(manifolds, r), 0.5 * min(c.thickness[a], c.thickness[b]))
 
 
 @kernel

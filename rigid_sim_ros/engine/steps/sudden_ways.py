@@ -70,19 +70,7 @@ def reaches_others(c: JointedContact, h: float) -> bool:
     Only what goes farther than its speed at the start of the step said can meet it: a drive, or
     what it hits, that starts from rest.
     """
-    model, state, shapes, found = c.joints.model, c.joints.state, c.shapes, False
-    if not _has_others(c):
-        return False
-    rest, a = standard_of_rest(model, state, shapes.body), 0
-    while a < shapes.body.shape[0]:
-        i, after = shapes.body[a], shapes.after[a]
-        if model.inv_m[i] > 0.0:
-            way = h * fastest_point(model, state, rest, c.radius, shapes, i)
-            if way > c.looked[a]:
-                for s in range(a, after):
-                    found = _call_what_is_near(c, s, way) or found
-        a = after
-    return found
+    return _call_others(c, h, False)
 
 
 @kernel
@@ -92,16 +80,29 @@ def bounces_at_others(c: JointedContact) -> bool:
 
     It goes otherwise for the rest of the step than was known as bodies were given to solvers.
     """
+    return _call_others(c, c.now.left[0], True)
+
+
+@kernel
+def _call_others(c: JointedContact, h: float, collided: bool) -> bool:
+    """
+    Call what another solver moves and bodies may meet in h [s]; return whether there is any.
+
+    These bodies are those that have just collided, or all that go farther than they were looked
+    for.
+    """
     model, state, shapes, found = c.joints.model, c.joints.state, c.shapes, False
     if not _has_others(c):
         return False
     rest, a = standard_of_rest(model, state, shapes.body), 0
     while a < shapes.body.shape[0]:
         i, after = shapes.body[a], shapes.after[a]
-        if model.inv_m[i] > 0.0 and c.buffers.label[first_of(c.buffers.parent, i)] >= 0:
-            way = c.now.left[0] * fastest_point(model, state, rest, c.radius, shapes, i)
-            for s in range(a, after):
-                found = _call_what_is_near(c, s, way) or found
+        if model.inv_m[i] > 0.0 and (
+                not collided or c.buffers.label[first_of(c.buffers.parent, i)] >= 0):
+            way = h * fastest_point(model, state, rest, c.radius, shapes, i)
+            if collided or way > c.looked[a]:
+                for s in range(a, after):
+                    found = _call_what_is_near(c, s, way) or found
         a = after
     return found
 

@@ -8,7 +8,7 @@ from engine.touching import ball, box, EventScene, G, ground, Thing
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.detection import backtrack
+from rigid_sim_ros.engine.detection import backtrack, motion_ahead, sphere_pairs
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.model.kinds.table import BOX
@@ -16,7 +16,8 @@ from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.kernels.kernel import in_python
 
 # To compile them takes longer than they take in Python.
-first_event, pairs_ahead = in_python(backtrack.first_event), in_python(backtrack.pairs_ahead)
+first_event, pairs_near = in_python(backtrack.first_event), in_python(sphere_pairs.pairs_near)
+place_ahead, motion_bound = map(in_python, (motion_ahead.place_ahead, motion_ahead.motion_bound))
 
 
 def next_event(things, until, gravity=(0, 0, -G), allowed=(), backwards=False):
@@ -25,9 +26,12 @@ def next_event(things, until, gravity=(0, 0, -G), allowed=(), backwards=False):
     sum_loads(scene.model, scene.state, scene.wrenches, loads)
     pose = np.zeros((len(things), 12))
     pairs = np.zeros((100, 2), dtype=np.int64)
-    reach, order = np.zeros((2, len(things))), np.zeros(len(things), dtype=np.int64)
-    count = pairs_ahead(scene.model, scene.state, loads, scene.shapes, until, pose, *reach, order,
-                        pairs)
+    (radius, low), order = np.zeros((2, len(things))), np.zeros(len(things), dtype=np.int64)
+    for s in range(len(things)):
+        place_ahead(scene.model, scene.state, loads, scene.shapes, s, 0.0, pose)
+        radius[s] = scene.shapes.bound[s] + motion_bound(
+            scene.model, scene.state, loads, scene.shapes, s, until)
+    count = pairs_near(scene.model, scene.shapes, pose, radius, low, order, pairs)
     deep = np.zeros(100)
     deep[:len(allowed)] = allowed
     if backwards:
