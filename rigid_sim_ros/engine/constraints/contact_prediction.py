@@ -32,13 +32,13 @@ from rigid_sim_ros.engine.contact.collisions import bounces, slowest_bounce
 from rigid_sim_ros.engine.detection.backtrack import least_stage, pair_gap
 from rigid_sim_ros.engine.detection.manifold_rows import is_mended
 from rigid_sim_ros.engine.detection.manifolds import (
-    ACTS, DORMANT, forget_impulses, has_impulse, Manifolds, POINTS, rows_in_use, Scratch,
+    ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch,
     smallest_gap)
 from rigid_sim_ros.engine.detection.motion_ahead import approach_bound, place_ahead, way_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
-from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
+from rigid_sim_ros.engine.dynamics.free_rotation import are_alike, turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import (
@@ -66,8 +66,11 @@ MOST_TURNED = 1.0
 # has no direction between what is nearest.
 EARLIER = 12
 TINY = 1e-300
+# Of the least speed that bounces: an impulse that makes less presses nothing.
+PRESSES = 1e-6
 # cos 25 deg: a normal that turns farther in half of a step belongs to another feature.
 SAME_NORMAL = 0.9
+AHEAD, AFTERWARDS = 1, 2  # a manifold got other points before, or after, bodies collided; 0: none
 # Columns of `Prediction.old`: of the points that detection found.
 _GAP, _IMPULSE, _ALONG, _U, _OLD = 0, 1, 2, 3, 6
 
@@ -75,12 +78,13 @@ _GAP, _IMPULSE, _ALONG, _U, _OLD = 0, 1, 2, 3, 6
 class Prediction(NamedTuple):
     """Buffers for c manifolds, s shapes; rows are those of the manifolds."""
 
-    given: IntArray  # (c,) of 8 bits, 1 where the next ones hold something
+    given: IntArray  # (c,) of 8 bits, AHEAD or AFTERWARDS where the next ones hold something
     turn: Array  # (POINTS, c) [m/s] what geometry adds to the normal velocity of a point in a step
     turn_t: Array  # (c, 3) [m/s] and to the sliding velocity, world axes
     # (c, 3) [m] from the start of the step to where a manifold was found, how far the centre of
     # mass of B moved relative to that of A
     moved: Array
+    shift: Array  # (c, 3) [m] and how far collisions had moved that of A, of AFTERWARDS
     gap: Array  # (POINTS, c) [m] of each point where a manifold was found
     pose: Array  # (s, 12) scratch, as in `Memory.pose`
     # (s, 12) poses in the middle of the step, of bodies that go on without a force; (n, 3) [rad/s]
@@ -97,8 +101,8 @@ class Prediction(NamedTuple):
 def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
     """Return buffers for n bodies."""
     return Prediction(room(capacity, kind=np.int8), room(POINTS, capacity), room(capacity, 3),
-                      room(capacity, 3), room(POINTS, capacity), room(shapes, 12),
-                      room(shapes, 12), room(n, 3), room(shapes, kind=np.int8),
+                      room(capacity, 3), room(capacity, 3), room(POINTS, capacity),
+                      room(shapes, 12), room(shapes, 12), room(n, 3), room(shapes, kind=np.int8),
                       room(n, kind=np.int8), np.zeros((POINTS, _OLD)), room(n, kind=np.int8),
                       empty_loads(n))
 
@@ -129,10 +133,9 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         # What is mended for what lies beside would, as a pair alone, be as it was before.
         gap, mended = smallest_gap(manifolds, r), is_mended(manifolds, r)
         near, may_pass = gap <= TOUCHING * size, False
-        if near and gap > MET * size and not has_impulse(
-                manifolds.impulse, manifolds.points[r], r):
+        if near and gap > MET * size and not _presses(model, loads, shapes, manifolds, r):
             if not known:
-                _mark_pressed(model, manifolds, prediction.pressed)
+                _mark_pressed(model, loads, shapes, manifolds, prediction.pressed)
                 known = True
             may_pass = (prediction.pressed[manifolds.body_a[r] & INDEX]
                         + prediction.pressed[manifolds.body_b[r] & INDEX] == 0)
@@ -159,15 +162,29 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
 
 
 @kernel
-def _mark_pressed(model: Model, manifolds: Manifolds, pressed: IntArray) -> None:
+def _mark_pressed(model: Model, loads: Loads, shapes: Shapes, manifolds: Manifolds,
+                  pressed: IntArray) -> None:
     """Mark the bodies that move and that a contact pressed in the step before."""
     first, count = rows_in_use(manifolds)
     pressed[:] = 0
     for k in range(count):
         r = (first + k) & INDEX
-        if has_impulse(manifolds.impulse, manifolds.points[r], r):
+        if _presses(model, loads, shapes, manifolds, r):
             for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
                 pressed[i] = 1 if model.inv_m[i] > 0.0 else 0
+
+
+@kernel
+def _presses(model: Model, loads: Loads, shapes: Shapes, manifolds: Manifolds, r: int) -> bool:
+    """Return whether a manifold has an impulse of the step before, and not of rounding alone."""
+    total = 0.0
+    for p in range(manifolds.points[r]):
+        total += manifolds.impulse[p, r]
+    if total == 0.0:
+        return False
+    speed = total * (model.inv_m[manifolds.body_a[r]] + model.inv_m[manifolds.body_b[r]])
+    n = row(manifolds.normal, r)
+    return speed > PRESSES * slowest_of_pair(model, loads, shapes, manifolds, r, n)
 
 
 @kernel
@@ -226,8 +243,7 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
 @kernel
 def _wobbles(model: Model, state: State, i: int) -> bool:
     """Return whether the angular velocity of a body without torque changes within the step."""
-    inv_I = column(model.inv_I_C, i)
-    if inv_I[0] == inv_I[1] and inv_I[1] == inv_I[2]:
+    if are_alike(column(model.inv_I_C, i)):
         return False
     return _may_turn(model, state, i, 0.5 * model.h, TURNED)
 
@@ -244,7 +260,7 @@ def _may_turn(model: Model, state: State, i: int, t: float, angle: float) -> boo
 def _spin_after(model: Model, state: State, i: int, t: float) -> Vector:
     """Return the angular velocity of a body [rad/s] after t [s] without torque, world axes."""
     q, L, inv_I = quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i)
-    if model.inv_m[i] > 0.0 and t > 0.0:
+    if t > 0.0 and not are_alike(inv_I):
         q = turn_fast(q, L, inv_I, t)
     return add(prescribed_spin(state, i), angular_velocity(q, L, inv_I))
 
@@ -435,7 +451,7 @@ def write_frame(manifolds: Manifolds, r: int, count: int, n: Vector, moved: Vect
     """Give a manifold the normal and number of the points that it was given, of a later time."""
     for k in range(3):
         manifolds.normal[r, k], prediction.moved[r, k] = n[k], moved[k]
-    manifolds.points[r], prediction.given[r] = count, 1
+    manifolds.points[r], prediction.given[r] = count, AHEAD
     # Those that were found are no longer there, to be taken over by the next step.
     for k in range(5):
         manifolds.found_at[r, k] = 0.0

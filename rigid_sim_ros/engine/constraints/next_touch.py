@@ -17,10 +17,10 @@ seem to come back.
 import math
 
 from rigid_sim_ros.engine.constraints.contact_prediction import (
-    levers, Prediction, slowest_of_pair, write_frame, write_point)
+    AFTERWARDS, levers, Prediction, slowest_of_pair, write_frame, write_point)
 from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, NEVER, SPIN
-from rigid_sim_ros.engine.contact.collisions import bounces, collisions_of
-from rigid_sim_ros.engine.contact.impact_offsets import shifted
+from rigid_sim_ros.engine.contact.collisions import AT_ONCE, bounces, collisions_of
+from rigid_sim_ros.engine.contact.impact_offsets import displacement, shifted
 from rigid_sim_ros.engine.detection.backtrack import crossing, least_stage, pair_gap
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, has_impulse, LEFT_OUT, Manifolds, rows_in_use, Scratch)
@@ -105,7 +105,9 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
         if not gap - speed * (h - t) <= met:
             return math.inf
         stage = least_stage(shapes, a, b, speed, h - begin) * 0.5 ** looks
-        later = min(t + max((gap - met) / speed, stage), h)
+        later = t + max((gap - met) / speed, stage)
+        # What rounding would leave of the step is no time from which a speed can be told.
+        later = later if h - later > AT_ONCE * h else h
         then, n_then = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= met and gap > met:
             return crossing(model, state, loads, shapes, a, b, t, later, gap, then, met, pose,
@@ -157,6 +159,9 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     for k in range(3):
         prediction.turn_t[r, k] = 0.0
     write_frame(manifolds, r, count, n, subtract(way_B, way_A), prediction)
+    prediction.given[r] = AFTERWARDS
+    for k in range(3):
+        prediction.shift[r, k] = displacement(A)[k]
     return True
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from rigid_sim_ros.engine.contact.impact_offsets import COLLIDED, has_collided, SHIFT
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.manifolds import POINTS
-from rigid_sim_ros.engine.dynamics.free_rotation import may_turn_by, SAME_ATTITUDE, turn_fast
+from rigid_sim_ros.engine.dynamics.free_rotation import (
+    are_alike, may_turn_by, SAME_ATTITUDE, turn_fast)
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, unit)
 from rigid_sim_ros.engine.maths.vector import (
@@ -140,8 +141,7 @@ def turn_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> 
 @kernel
 def _wobbles(L: Vector, inv_I: Vector, t: float) -> bool:
     """Return whether the inertia about the axes of the world changes within t [s]."""
-    alike = inv_I[0] == inv_I[1] and inv_I[1] == inv_I[2]
-    return not alike and may_turn_by(SAME_ATTITUDE, L, inv_I, t)
+    return not are_alike(inv_I) and may_turn_by(SAME_ATTITUDE, L, inv_I, t)
 
 
 @inlined

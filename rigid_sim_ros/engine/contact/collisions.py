@@ -95,7 +95,7 @@ def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, sha
     """Let the chosen pairs collide, in the order of time, as their bodies move by now."""
     candidates, collisions = work.candidates[0], 0
     for _ in range(ROUNDS if candidates > 0 else 0):
-        earlier = collisions
+        done = False
         for k in range(candidates):
             r = work.rows[k]
             now = collisions_of(manifolds, r, work)
@@ -108,10 +108,11 @@ def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, sha
         for k in range(candidates):
             if _is_first(h, k, manifolds, work):
                 count = _choose_together(h, inv_m, k, candidates, manifolds, work)
-                _collide(inv_m, inv_I_C, state, shapes, materials, manifolds, count,
-                         normal_impulse, friction_impulse, work)
-                collisions += count
-        if collisions == earlier:
+                collisions += _collide(inv_m, inv_I_C, state, shapes, materials, manifolds, count,
+                                       normal_impulse, friction_impulse, work)
+                _seek_later(h, state, shapes, manifolds, count, work)
+                done = True
+        if not done:
             break
     return collisions
 
@@ -213,8 +214,8 @@ def _is_among(numbers: IntArray, count: int, k: int) -> bool:
 @kernel
 def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materials: Materials,
              manifolds: Manifolds, count: int, normal_impulse: Array, friction_impulse: Array,
-             work: CollisionWork) -> None:
-    """Let the chosen pairs collide, at the time of the first."""
+             work: CollisionWork) -> int:
+    """Let the chosen pairs collide, at the time of the first; return how many had an impulse."""
     tau = NEVER
     for k in range(count):
         tau = min(tau, work.time[work.together[k]])
@@ -228,8 +229,12 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
                    ALIKE * _size(shapes, manifolds, r),
                    _restitution(shapes, materials, one, other), r, tau, k, work)
     find_impulses(count, work)
+    acted = 0
     for k in range(count):
         r = work.rows[work.together[k]] & INDEX
+        if not _acted(k, manifolds.points[r], work):
+            continue
+        acted += 1
         _write_pair(shapes.kind, manifolds, r, k, normal_impulse, friction_impulse, work)
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             store_body(inv_I_C, state, body, tau, work.body[body])
@@ -240,7 +245,36 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
                 work.collisions[body] += 1
     for k in range(count):
         r = work.rows[work.together[k]] & INDEX
-        work.collided_at[r] = collisions_of(manifolds, r, work)
+        if _acted(k, manifolds.points[r], work):
+            work.collided_at[r] = collisions_of(manifolds, r, work)
+    return acted
+
+
+@kernel
+def _acted(k: int, points: int, work: CollisionWork) -> bool:
+    """Return whether pair k of a collision has an impulse."""
+    for p in range(points):
+        if work.impulse[k, p] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def _seek_later(h: float, state: State, shapes: Shapes, manifolds: Manifolds, count: int,
+                work: CollisionWork) -> None:
+    """
+    Find a later time for those of the chosen pairs that had no impulse; NEVER if there is none.
+
+    The angular velocity of a body that precesses is that of the collision by now: with it a point
+    may touch later than with that of the start, or not at all.
+    """
+    for k in range(count):
+        i = work.together[k]
+        r = work.rows[i] & INDEX
+        if not _acted(k, manifolds.points[r], work):
+            later = _touch(h, state.x, shapes.kind, shapes.size, manifolds,
+                           _size(shapes, manifolds, r), r, work)
+            work.time[i] = later if later > work.time[i] + AT_ONCE * h else NEVER
 
 
 @inlined

@@ -6,9 +6,10 @@ import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.maths.rotation import conjugate, multiply, quaternion
-from rigid_sim_ros.engine.model.kinds.table import is_flat
+from rigid_sim_ros.engine.maths.vector import add, cross, dot, scale
+from rigid_sim_ros.engine.model.kinds.table import is_flat, is_unbounded
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part
 
 # A manifold keeps its points while these move by less than this part of the margin, or of the
@@ -20,8 +21,13 @@ SLACK = 0.02
 
 @inlined
 def are_flat(kind: IntArray, a: int, b: int) -> bool:
-    """Return whether both are polyhedra, whose points stay the same while they move."""
-    return is_flat(kind[a]) and is_flat(kind[b])
+    """
+    Return whether both are polyhedra, whose points stay the same while they move.
+
+    Of a plane the points are found as fast as they are kept, and its normal is exact.
+    """
+    return is_flat(kind[a]) and is_flat(kind[b]) and not (
+        is_unbounded(kind[a]) or is_unbounded(kind[b]))
 
 
 @kernel
@@ -38,17 +44,33 @@ def _turned_back(R: Array, i: int, v: Vector) -> Vector:
             R[i, 2] * v[0] + R[i, 5] * v[1] + R[i, 8] * v[2])
 
 
+@kernel
+def _half_turned(q_AB: Quaternion, before: Manifolds, old: int) -> Vector:
+    """
+    Return the normal of a manifold in axes of A, turned with B half as far as B has turned in A.
+
+    The vector of the quaternion of a small rotation is half of it; a step of Newton's method for
+    1 / sqrt(n . n) from 1 gives a unit vector to the fourth order of the angle.
+    """
+    n = (before.normal_A[old, 0], before.normal_A[old, 1], before.normal_A[old, 2])
+    since = multiply(q_AB, conjugate((before.found_at[old, 0], before.found_at[old, 1],
+                                      before.found_at[old, 2], before.found_at[old, 3])))
+    n = add(n, cross((since[0], since[1], since[2]), n))
+    return scale(1.5 - 0.5 * dot(n, n), n)
+
+
 @part
 def recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int,
             i: int, j: int, margin: float, reach: float, thickness: float) -> bool:
     """
     Take over the points of a manifold unless they moved too far; find their gaps anew.
 
-    The normal and the points on A turn with A, those on B with B. The gap along the turned normal
-    differs from the true one by the square of the angle and of the slip since the points were
-    found. The margin may have been larger then: what is farther away now is no manifold, or
-    results would depend on how long a pair stays in the list. What is fast has a large margin, but
-    points that moved by the `thickness` [m] of the thinner shape are those of another place.
+    The points on A turn with A, those on B with B, and the normal half with either: with one of
+    them it would matter which of two bodies is A. The gap along the turned normal differs from the
+    true one by the square of the angle and of the slip since the points were found. The margin may
+    have been larger then: what is farther away now is no manifold, or results would depend on how
+    long a pair stays in the list. What is fast has a large margin, but points that moved by the
+    `thickness` [m] of the thinner shape are those of another place.
     """
     slack, near = SLACK * min(margin, thickness), False
     q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
@@ -58,8 +80,7 @@ def recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: i
     # |q - q'| is half of the angle between two near orientations.
     if 4.0 * turned * reach * reach > slack * slack:
         return False
-    n = _turned(turn, i,
-                (before.normal_A[old, 0], before.normal_A[old, 1], before.normal_A[old, 2]))
+    n = _turned(turn, i, _half_turned(q, before, old))
     dx = state.x[0, j] - state.x[0, i]
     dy = state.x[1, j] - state.x[1, i]
     dz = state.x[2, j] - state.x[2, i]

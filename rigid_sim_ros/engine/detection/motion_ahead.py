@@ -42,7 +42,8 @@ def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int
         x = (x[0] + ahead * (P[0] + 0.5 * t * F[0]), x[1] + ahead * (P[1] + 0.5 * t * F[1]),
              x[2] + ahead * (P[2] + 0.5 * t * F[2]))
         L = (L[0] + 0.5 * t * tau[0], L[1] + 0.5 * t * tau[1], L[2] + 0.5 * t * tau[2])
-        if t != 0.0:
+        # A ball around the centre of mass is where it is, however it turns.
+        if t != 0.0 and shapes.ball[s] == 0:
             q = turn_fast(q, L, column(model.inv_I_C, i), t)
     else:
         x, q = pose_ahead(state, i, t)

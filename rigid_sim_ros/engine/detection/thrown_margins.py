@@ -8,6 +8,8 @@ another has hit it, it may reach that in the same step. So what may be met gets 
 it may be thrown to, and pairs are sought anew; in a row of bodies one after the other.
 """
 
+import math
+
 from rigid_sim_ros.engine.detection.manifolds import current, Memory, rows_in_use, smallest_gap
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -39,7 +41,7 @@ def widen_margins(inv_m: Array, thickness: Array, shapes: Shapes, materials: Mat
     """
     rows = current(memory)
     first, count = rows_in_use(rows)
-    widened, again = False, True
+    widened, again = False, _is_any_fast(inv_m, thickness, shapes, memory)
     while again:
         again = False
         for k in range(count):
@@ -50,6 +52,18 @@ def widen_margins(inv_m: Array, thickness: Array, shapes: Shapes, materials: Mat
                 again |= _widen(inv_m, thickness, shapes, materials, memory, thrown, b, a)
         widened |= again
     return widened
+
+
+@kernel
+def _is_any_fast(inv_m: Array, thickness: Array, shapes: Shapes, memory: Memory) -> bool:
+    """Return whether anything may be thrown as far as it is worth."""
+    fastest, thinnest = 0.0, math.inf
+    for s in range(thickness.shape[0]):
+        fastest = max(fastest, _way(memory, s))
+        if inv_m[shapes.body[s]] > 0.0:
+            thinnest = min(thinnest, thickness[s])
+    # What is hit by something heavy with e = 1 is twice as fast.
+    return 2.0 * fastest > WORTH * thinnest
 
 
 @kernel

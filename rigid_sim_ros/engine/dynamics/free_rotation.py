@@ -102,6 +102,12 @@ def turn(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
 
 
 @inlined
+def are_alike(inv_I: Vector) -> bool:
+    """Return whether a body turns about every axis as easily: its spin is constant."""
+    return bool(inv_I[0] == inv_I[1] and inv_I[1] == inv_I[2])
+
+
+@inlined
 def may_turn_by(angle: float, L: Vector, inv_I: Vector, h: float) -> bool:
     """Return whether a body may turn by more than an angle in h [s], wherever L points in it."""
     # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.

@@ -7,11 +7,12 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     LEVER_B, load_three, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, prepare_block, pushed,
     RESTING, ROLL, ROLL_LEVER, S, SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three,
     TORSION, TOTAL_T, TURN)
-from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
+from rigid_sim_ros.engine.constraints.contact_prediction import AFTERWARDS, AHEAD, Prediction
 from rigid_sim_ros.engine.constraints.contact_rules import SKIN
 from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now, has_collided
 from rigid_sim_ros.engine.detection.manifolds import (
     DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use)
+from rigid_sim_ros.engine.maths.vector import row, subtract
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, BALLS, BETWEEN, Blocks, CACHED, Coloring, fetch_block, first_block, is_small,
@@ -48,8 +49,8 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, activity: 
     if by_number:
         middle = first_row(manifolds, sides.middle[1])
         begin, end = (middle, end) if region == 1 else (begin, middle)
-    for row in range(begin, end):
-        r = row & INDEX
+    for place in range(begin, end):
+        r = place & INDEX
         if activity[r] != LEFT_OUT:
             at = side[manifolds.body_a[r] & INDEX] | side[manifolds.body_b[r] & INDEX]
             if at == wanted:
@@ -186,7 +187,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         if shifted:
             for i in range(LANES):
                 if rows[i] >= 0:
-                    _shift_lane(manifolds, rows[i] & INDEX, shifts, b, i)
+                    _shift_lane(manifolds, prediction, rows[i] & INDEX, shifts, b, i)
         _copy_turns(b, rows, points, manifolds, prediction, shifts, shifted)
         if balls:
             prepare_balls(b, A[INV_M], B[INV_M], A[INV_I], B[INV_I])
@@ -243,7 +244,7 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Pred
         r = (rows[i] if there else rows[0]) & INDEX
         one, other = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         first, second = shapes.material[one] & INDEX, shapes.material[other] & INDEX
-        half = 0.5 * (prediction.gap[0, r] if prediction.given[r] == 1 else manifolds.gap[0, r])
+        half = 0.5 * (prediction.gap[0, r] if prediction.given[r] != 0 else manifolds.gap[0, r])
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
         b[LEVER_A * LANES + i] = shapes.size[one, 0] + half if there else 0.0
         b[LEVER_B * LANES + i] = -(shapes.size[other, 0] + half) if there else 0.0
@@ -263,7 +264,7 @@ def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Pre
         r = (rows[i] if rows[i] >= 0 else rows[0]) & INDEX
         body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         for k in range(3):
-            moved = prediction.moved[r, k] if prediction.given[r] == 1 else 0.0
+            moved = prediction.moved[r, k] if prediction.given[r] != 0 else 0.0
             b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b] - moved
 
 
@@ -295,7 +296,7 @@ def _copy_turns(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
     """
     for i in range(LANES):
         r = rows[i] & INDEX
-        given = rows[i] >= 0 and prediction.given[r] == 1
+        given = rows[i] >= 0 and prediction.given[r] == AHEAD
         if given and shifted:
             given = not (has_collided(shifts[manifolds.body_a[r]])
                          or has_collided(shifts[manifolds.body_b[r]]))
@@ -355,13 +356,16 @@ def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds
 
 
 @kernel
-def _shift_lane(manifolds: Manifolds, r: int, shifts: Array, b: Array, i: int) -> None:
-    """Move lane i by what collisions shifted since its manifold was found."""
+def _shift_lane(manifolds: Manifolds, prediction: Prediction, r: int, shifts: Array, b: Array,
+                i: int) -> None:
+    """Move lane i by what collisions shifted since the points of its manifold were found."""
+    # The common point stays; the centre of mass of A moved.
+    moved = displacement(shifts[manifolds.body_a[r]])
+    if prediction.given[r] == AFTERWARDS:
+        moved = subtract(moved, row(prediction.shift, r))
     for p in range(manifolds.points[r]):
         o = (POINT + p * POINT_ROWS) * LANES + i
         b[o + GAP * LANES] = gap_now(manifolds, shifts, r, p)
-        # The common point stays; the centre of mass of A moved.
-        moved = displacement(shifts[manifolds.body_a[r]])
         for k in range(3):
             b[o + k * LANES] -= moved[k]
 

@@ -17,7 +17,7 @@ import numpy as np
 from rigid_sim_ros.engine.constraints.contact_blocks import load_three
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import (
-    MAX_ANGLE, may_turn_by, SAME_ATTITUDE, turn, turn_fast)
+    are_alike, MAX_ANGLE, may_turn_by, SAME_ATTITUDE, turn, turn_fast)
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import column
 from rigid_sim_ros.engine.state.state import State
@@ -180,7 +180,7 @@ def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion, L: Vector, t
 
     d along those of the body, and of a ball in all.
     """
-    if d[0] == d[1] and d[1] == d[2]:
+    if are_alike(d):
         for k in range(6):
             mass[line + k] = 0.0
         mass[line] = mass[line + 3] = mass[line + 5] = d[0]
