@@ -16,7 +16,7 @@ import pytest
 # `qp` and `penalty` are asked by the benchmark.
 SEEDS = {'timestep': either(4, 7), 'event': either(3, 4)}
 # Scenes that are known to break a law; docs/contact.md tells how many of a hundred do.
-KNOWN = {('mirrored', 'event'): {1, 3}, ('order', 'timestep'): {0, 5}}
+KNOWN = {('mirrored', 'event'): {1, 3}}
 # What a case of these asks is a time, which no test does.
 TIMED = 'H'
 
@@ -50,9 +50,12 @@ def test_what_meets_its_image_stays_the_image(seed, model):
 
 
 # Normals on rims that are nearly flat (turned), pieces of a floor that a tilt by rounding made
-# obstacles (flush), and light bodies that tons squeezed out of a column (weight).
+# obstacles (flush), and light bodies that tons squeezed out of a column (weight). Of the order of
+# bodies: an impulse of rounding that counted as a load (45), points of a second meeting in a step
+# that were measured from where collisions had moved A (76), kept normals that turned with A (130).
 @pytest.mark.parametrize(('law', 'seed', 'model'), [
     ('energy', 73, 'timestep'), *(('turned', seed, 'timestep') for seed in (21, 163)),
+    *(('order', seed, 'timestep') for seed in (45, 76, 130)),
     *(('flush', seed, 'timestep') for seed in (19, 91, 163)),
     *(('weight', seed, 'timestep') for seed in (157, 167, 194)),
     *(('weight', seed, 'event') for seed in (167, 264))])
