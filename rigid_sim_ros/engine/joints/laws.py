@@ -88,12 +88,12 @@ def follows_way(table: JointTable, work: JointWork, k: int) -> bool:
     Return whether the mean rate of a step, and not that at its start, is asked of axis k.
 
     The rotor of a motor is a body that keeps its own momentum while the axis turns with its
-    parent: with the rate at the start armatures would be of first order. Springs are of second
-    order with it, and of fourth, in stages, with the mean.
+    parent: with the rate at the start armatures are of first order there, and springs of second.
+    With the mean both are of fourth order in stages.
     """
     if table.has_laws[k] == 0 or not has_one_coordinate(table.kind[table.axis_joint[k]]):
         return False
-    return table.laws.armature[k] > 0.0 or work.known[STAGE] > 0
+    return work.known[STAGE] > 0
 
 
 @kernel
