@@ -17,7 +17,7 @@ import numpy as np
 from rigid_sim_ros import World
 
 REPEATS = 7
-INTEGRATORS = ('symplectic', 'rk4', 'semi_implicit', 'euler')
+INTEGRATORS = ('symplectic', 'symplectic4', 'rk4', 'semi_implicit', 'euler')
 # The attitude of the body of `flipping_body` after 100 s, from Taylor series with 34 digits.
 AFTER_100_S = np.array((-0.00033532024701064178, 0.69467618661934152, 0.0065696244258204497,
                         0.71929251583653713))
@@ -111,7 +111,8 @@ def orders() -> None:
     fine.step(10_000)
     for integrator in INTEGRATORS:
         on_spring, turning = [], []
-        for step in (1 / 50, 1 / 100) if integrator in ('symplectic', 'rk4') else (1e-3, 5e-4):
+        coarse = integrator in ('symplectic', 'symplectic4', 'rk4')
+        for step in (1 / 50, 1 / 100) if coarse else (1e-3, 5e-4):
             world = oscillator(step, integrator)
             world.step(round(1 / step))
             on_spring.append(abs(float(world.position[0, 0]) - np.cos(5.0)))

@@ -10,11 +10,13 @@ Accuracy and speed of worlds with joints, beside other engines.
 Accuracy is measured against integration in minimal coordinates by an eighth-order method, or
 against formulas (peers/joint_cases.py). Speed is steps of 1 ms a second of processor time of one
 thread, the best of several turns in which the engines follow one another, from the same state each
-time. Engines that this Python does not have are named, and left out.
+time. What an accuracy costs is measured on the same motions at several steps, of the methods of
+fourth order. Engines that this Python does not have are named, and left out.
 """
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 import math
@@ -35,7 +37,11 @@ from page import heading, line, machine, write
 from rigid_sim_ros import World
 
 OURS = 'rigid_sim_ros'
+FOURTH = 'rigid_sim_ros symplectic4'
 STEPS = (1e-3, 4e-3)
+# Methods of fourth order, and steps at which what they cost is compared.
+PRICED = (FOURTH, 'MuJoCo RK4')
+PRICED_STEPS = (1e-3, 2e-3, 4e-3, 1e-2)
 # What makes an engine at least as fast as it should be.
 GOAL = 'MuJoCo implicitfast'
 
@@ -58,9 +64,16 @@ PEERS = (
 CHECKED = ('pendulum', 'double', 'Panda')
 
 
+def composed(scene: Any) -> Ours:
+    """Return a world of the method of fourth order, which is one without contact."""
+    if scene.contact != 'none':
+        raise NotImplementedError
+    return Ours(replace(scene, integrator='symplectic4'))
+
+
 def engines(chosen: list[str]) -> tuple[dict[str, Make], list[str]]:
     """Return how to put a scene into each engine that is there, and what to say of them all."""
-    found: dict[str, Make] = {OURS: Ours}
+    found: dict[str, Make] = {OURS: Ours, FOURTH: composed}
     said = []
     for peer in PEERS:
         if peer.name not in chosen:
@@ -171,6 +184,41 @@ def speeds(makes: dict[str, Make], repeats: int) -> list[str]:
     return lines
 
 
+def price(name: str, make: Make, h: float, repeats: int) -> tuple[float, float]:
+    """Return the largest error of a known motion, and processor time of a second of it [s]."""
+    one, steps = KNOWN[name], round(KNOWN[name].every / h)
+    engine, worst, times = make(one.scene(h).scene), 0.0, []
+    start = engine.save()
+    for _ in range(repeats):
+        engine.restore(start)
+        spent = 0.0
+        for true in truth(name)[1][1:]:
+            begun = time.thread_time()
+            engine.step(steps)
+            spent += time.thread_time() - begun
+            worst = max(worst, float(np.linalg.norm(one.read(engine) - true)))
+        times.append(spent / one.end)
+    return worst, min(times)
+
+
+def prices(names: list[str], makes: dict[str, Make], repeats: int) -> list[str]:
+    """Return the lines of a table: what the methods of fourth order cost, at several steps."""
+    chosen = {engine: makes[engine] for engine in PRICED if engine in makes}
+    lines = heading(['largest error, at ms of a processor a second', 'step [ms]', *chosen])
+    for name in names:
+        for h in PRICED_STEPS if name in KNOWN and 'four-bar' not in name else ():
+            cells = []
+            for engine, make in chosen.items():
+                print(f'  price, {name}, {1e3 * h:g} ms: {engine}', file=sys.stderr, flush=True)
+                try:
+                    error, spent = price(name, make, h, repeats)
+                    cells.append(f'{_short(error)}, {1e3 * spent:.3g}')
+                except ArithmeticError:
+                    cells.append('blew up')
+            lines.append(line([f'{name}: {KNOWN[name].unit}', f'{1e3 * h:g}', *cells]))
+    return lines
+
+
 def truths() -> list[str]:
     """Return a sentence: how far Pinocchio is from the motions that are held for true."""
     check = import_module('jointed_pinocchio').disagreement
@@ -199,7 +247,8 @@ def _arguments() -> argparse.Namespace:
                         help='how their names begin, separated by commas; default: all')
     parser.add_argument('--engines', default='', help='peers likewise; default: all')
     parser.add_argument('--repeats', type=int, default=7, help='turns of each speed, 7')
-    parser.add_argument('--only', choices=('accuracy', 'speed'), help='one of the two parts')
+    parser.add_argument('--only', choices=('accuracy', 'speed', 'price'),
+                        help='one of the three parts')
     parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
     return parser.parse_args()
 
@@ -216,9 +265,11 @@ def main() -> int:
         pages.append('\n'.join(lines))
         print('', *lines, sep='\n', flush=True)
 
-    if arguments.only != 'accuracy':
+    if arguments.only in (None, 'speed'):
         note(speeds(makes, arguments.repeats))
-    if arguments.only != 'speed':
+    if arguments.only in (None, 'price'):
+        note(prices(names, makes, 3))
+    if arguments.only in (None, 'accuracy'):
         if any(name.startswith('Pinocchio') for name in makes):
             note(truths())
         for h in STEPS:

@@ -40,7 +40,7 @@ def _name_apart(function: Any) -> None:
     for cell in function.__closure__ or ():
         content = cell.cell_contents
         module = getattr(content, '__module__', '').rpartition('.')[2]
-        function.__qualname__ += f'_{module}_{getattr(content, "__name__", content)}'
+        function.__qualname__ += f'_{module}_{getattr(content, "__qualname__", content)}'
 
 
 def kernel(function: Function) -> Function:

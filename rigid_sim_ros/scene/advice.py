@@ -62,7 +62,7 @@ def _ends(kind: str, row: ForceRow, names: dict[int, str]) -> str:
 
 
 def _of_spin(scene: Scene) -> Iterator[str]:
-    if scene.spec.world.integrator == 'symplectic':
+    if scene.spec.world.integrator in ('symplectic', 'symplectic4'):
         return
     for body in scene.spec.bodies:
         angle = math.hypot(*body.twist.angular) * scene.model.h
@@ -76,13 +76,21 @@ def _of_integrator(scene: Scene) -> Iterator[str]:
     if scene.spec.world.integrator == 'euler':
         yield ('integrator euler adds energy to whatever swings or spins: use another one but to '
                'compare')
-    if scene.orientation != 'quaternion' and scene.integrator in ('symplectic', 'rk4'):
+    if scene.orientation != 'quaternion' and scene.integrator in (
+            'symplectic', 'symplectic4', 'rk4'):
         yield (f'orientation {scene.orientation} is how euler and semi_implicit turn a body: '
                f'integrator {scene.integrator} does not ask for it; leave it out')
+    for joint in scene.spec.joints or () if scene.integrator == 'symplectic4' else ():
+        if joint.friction > 0.0:
+            yield (f"joint '{joint.name}' has dry friction, which integrator symplectic4 does not "
+                   'follow: all steps are those of symplectic; write that, or leave friction out')
+            break
 
 
 def _of_contact(scene: Scene) -> Iterator[str]:
-    if scene.contact != 'none' and can_meet(scene.shapes) and scene.integrator != 'symplectic':
+    touches = can_meet(scene.shapes) or (
+        scene.joints is not None and scene.spec.collision.sleep_after > 0.0)
+    if scene.contact != 'none' and touches and scene.integrator != 'symplectic':
         yield (f'integrator {scene.integrator} runs worlds without contact only: with contact: '
                f'{scene.contact} bodies fly by the symplectic one; write contact: none, or '
                'integrator: symplectic')

@@ -83,9 +83,9 @@ def check_joints(spec: schema.Scene, report: Report) -> None:
         _check_keys(joint, here)
         _check_limits(joint, here)
         _check_mimic(joint, others, here)
-    if joints and spec.world.integrator != 'symplectic':
+    if joints and spec.world.integrator not in ('symplectic', 'symplectic4'):
         report(('world', 'integrator'), f'{shown(spec.world.integrator)} beside joints, must be '
-               'symplectic, which keeps them closed')
+               'symplectic or symplectic4, which keep them closed')
 
 
 def _check_keys(joint: schema.Joint, here: Report) -> None:

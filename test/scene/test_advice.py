@@ -109,6 +109,24 @@ def test_an_integrator_that_contact_does_not_use_is_said() -> None:
     assert advice_for('integrator: rk4') == []  # a body alone touches nothing
 
 
+def test_a_robot_with_dry_friction_is_told_what_symplectic4_does() -> None:
+    joint = ('{name: axle, type: revolute, parent: world, child: ball, axis: [0, 0, 1], '
+             'friction: %g}')
+    for friction, beginnings in ((0.0, []), (0.1, ["joint 'axle' has dry friction"])):
+        said = advice(scene_from_text(
+            f'world: {{contact: none, integrator: symplectic4}}\nbodies: [{BALL}]\n'
+            f'joints: [{joint % friction}]\n'))
+        assert [line.split(', which')[0] for line in said] == beginnings
+
+
+def test_symplectic4_is_of_worlds_without_contact() -> None:
+    robot = scene_from_text(
+        'world: {integrator: symplectic4}\ncollision: {sleep_after: 0.5}\n'
+        f'bodies: [{BALL}]\njoints: [{{name: axle, type: revolute, parent: world, child: ball, '
+        'axis: [0, 0, 1]}]\n')
+    assert 'integrator symplectic4 runs worlds without contact only' in advice(robot)[0]
+
+
 def touching(depth: float, more: str = '') -> list[str]:
     bodies = ', '.join(
         f'{{name: {name}, shape: {{type: box, size: [1, 1, 1]}}, mass: 1, '

@@ -185,3 +185,11 @@ def test_a_distance_may_have_a_length_of_its_own():
     assert np.linalg.norm(scene.state.x[:, 1]) == pytest.approx(0.25, abs=1e-12)
     assert mistakes(SHOULDER + ', length: 1') == [
         'joints[0].length: stands in a revolute joint, must stand in one of the type distance']
+
+
+def test_an_integrator_that_does_not_close_joints_is_a_mistake():
+    text = BODIES.replace('contact: none', 'contact: none, integrator: %s')
+    assert mistakes(SHOULDER, text=text % 'rk4') == [
+        "world.integrator: 'rk4' beside joints, must be symplectic or symplectic4, which keep "
+        'them closed']
+    assert read(SHOULDER, text=text % 'symplectic4').integrator == 'symplectic4'

@@ -76,7 +76,7 @@ def drift(model: Model, state: State, times: Array, block: Array) -> None:
             alike = alike and times[i] == times[first]
         lanes = last - first if alike else 1
         for i in range(first, last, lanes):
-            if times[i] > 0.0:
+            if times[i] != 0.0:
                 _fly_some(model, state, (0.0, 0.0, 0.0), times[i], np.int64(1), i, lanes, block)
                 for lane in range(lanes):
                     _store(model, state, times[i], np.int64(1), lane, i + lane, block)
@@ -117,7 +117,7 @@ def _put(model: Model, state: State, h: float, lane: int, body: int, q: Quaterni
         state.x[k, body] = block[(_X + k) * LANES + lane]
     L, inv_I = column(state.L, body), column(model.inv_I_C, body)
     if (may_turn_by(MAX_ANGLE, L, inv_I, h)
-            and h * norm(times(inv_I, rotate_back(q, L))) > MAX_ANGLE):
+            and abs(h) * norm(times(inv_I, rotate_back(q, L))) > MAX_ANGLE):
         set_quaternion(state.q, body, turn_fast(q, L, inv_I, h))
         return
     for k in range(4):

@@ -119,11 +119,11 @@ def may_turn_by(angle: float, L: Vector, inv_I: Vector, h: float) -> bool:
 def turn_fast(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
     """Return the attitude of a free body after h [s] at any speed; L in world axes."""
     w_C = times(inv_I, rotate_back(q_WC, L))
-    angle, substeps = norm(w_C) * h, MAX_SUBSTEPS
+    angle, substeps = norm(w_C) * abs(h), MAX_SUBSTEPS
     if angle > MAX_ANGLE:
         axis = _odd_axis(inv_I)
         is_top = inv_I[(axis + 1) % 3] == inv_I[(axis + 2) % 3]
-        if is_top or abs(w_C[axis]) * h > MAX_ANGLE * MAX_SUBSTEPS:
+        if is_top or abs(w_C[axis] * h) > MAX_ANGLE * MAX_SUBSTEPS:
             return _turn_top(q_WC, L, inv_I, axis, h)
     if angle < MAX_ANGLE * MAX_SUBSTEPS:
         substeps = max(1, math.ceil(angle / MAX_ANGLE))

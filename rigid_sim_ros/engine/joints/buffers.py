@@ -24,8 +24,9 @@ UNLOCKED, LOCKED, STIFF = range(3)
 # Bits of `AxisLaw.bound`: an axis whose limits are one position is at both.
 AT_LOWER, AT_UPPER = 1, 2
 # Places in `JointWork.known`: whether the factors, and what the axes feel, are of these poses, and
-# the motions of the momenta with which the next half of a step begins.
-FACTORED, FELT, SOLVED = range(3)
+# the motions of the momenta with which the next half of a step begins; the stage of a step:
+# 0 of one that has none, else 1 and more.
+FACTORED, FELT, SOLVED, STAGE = range(4)
 PAST = 5        # steps whose curvature is remembered
 
 
@@ -50,7 +51,8 @@ class JointMotion(NamedTuple):
     position: Array     # (j,) [rad] or [m], whole turns counted; of a joint with one coordinate
     rate: Array         # (k,) velocities along the axes [rad/s] or [m/s]
     # (PAST, r, 6) latest first: the relative motion (c / h) that the joint conditions needed at
-    # the start of a step so that they held at its end
+    # the start of a step so that they held at its end, and along its axes `LawWork.bent`; for
+    # steps in stages as many more of each stage, see STAGE
     curvature: Array
     strain: Array       # (PAST, c) likewise of the conditions that close loops
     known: IntArray     # (2,) how many of these are known, and steps since a step was halved
@@ -101,12 +103,15 @@ class LawWork(NamedTuple):
     low: Array      # the rate must not be below this
     high: Array     # nor above this
     bend: Array     # way of the position in a step less h v, over h: what the rate does not say
+    # (k,) the same where what acts goes by the way itself, see `follows_way`; 0 else
+    bent: Array
     stick: Array    # where dry friction holds: the rate with which the position stays
     fast: Array     # beyond which the drive does not accelerate, in both senses
     brakes: IntArray    # (k,) 1: there it holds the joint back
     begin: Array    # the straight piece that the rate is on goes from here
     end: Array      # to here
     before: Array   # position at the start of the step
+    left_at: Array  # position then without whole turns, which would round it; see `follows_way`
     target: Array   # position that a locked axis is to have at the end of the step; inf: none
     bound: IntArray     # (k,) AT_LOWER, AT_UPPER: at which limits it is at the end of the step
     approach: Array     # rate with which it would have passed it
@@ -134,6 +139,15 @@ class AnswerWork(NamedTuple):
     rate: Array     # (k,) along the axes
 
 
+class StartWork(NamedTuple):
+    """Scratch memory: what `JointMotion` had of these as a part of a step began, in stages."""
+
+    position: Array
+    rate: Array
+    effort: Array
+    wrench: Array
+
+
 class JointWork(NamedTuple):
     """Scratch memory; vectors in world axes, motions and forces about the reference points."""
 
@@ -148,7 +162,7 @@ class JointWork(NamedTuple):
     extra: Array    # (k,) what armature and implicit forces add
     tau: Array      # (k,) impulse along the axis
     tolerance: Array    # (1,) [m] and [rad] to which joints are closed at the present poses
-    known: IntArray     # (3,) see FACTORED
+    known: IntArray     # (4,) see FACTORED
     factored_locked: IntArray   # (k,) what `locked` and `extra` were when A, U, D were written
     factored_extra: Array       # (k,)
     locked: IntArray    # (k,) UNLOCKED, LOCKED or STIFF
@@ -173,20 +187,22 @@ class JointWork(NamedTuple):
     loop: LoopWork
     law: LawWork
     answers: AnswerWork
+    start: StartWork
 
 
 def make_joint_work(table: JointTable) -> JointWork:
     """Return scratch memory for the joints of a table."""
-    r, k = len(table.body), len(table.translates)
+    j, r, k = len(table.kind), len(table.body), len(table.translates)
     z = np.zeros
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
-        z(k), z(k), np.full(1, TOLERANCE), z(3, dtype=np.int64), z(k, dtype=np.int64), z(k),
+        z(k), z(k), np.full(1, TOLERANCE), z(4, dtype=np.int64), z(k, dtype=np.int64), z(k),
         z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
         z(3), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),
         AnswerWork(z(r, dtype=np.int64), z(6 * LANES * r), z(LANES * k), z(6 * LANES * r),
-                   z(LANES * k)))
+                   z(LANES * k)),
+        StartWork(z(j), z(k), z(k), z((j, 6))))
 
 
 def _loop_work(table: JointTable) -> LoopWork:
@@ -218,11 +234,15 @@ def no_drives(table: JointTable) -> Drives:
                   np.zeros(k), np.full(k, LASTS, dtype=np.int64))
 
 
-def joints_at_rest(table: JointTable, drives: Drives) -> JointMotion:
-    """Return the state of joints at position and velocity 0, with nothing known of the past."""
-    j, k, r = len(table.kind), len(table.translates), len(table.body)
+def joints_at_rest(table: JointTable, drives: Drives, stages: int = 0) -> JointMotion:
+    """
+    Return the state of joints at position and velocity 0, with nothing known of the past.
+
+    Of steps in so many stages, 0 for those that have none.
+    """
+    j, k, r, past = len(table.kind), len(table.translates), len(table.body), PAST + stages * PAST
     return JointMotion(
-        np.zeros(j), np.zeros(k), np.zeros((PAST, r, 6)),
-        np.zeros((PAST, len(table.condition_joint))), np.zeros(2, dtype=np.int64),
+        np.zeros(j), np.zeros(k), np.zeros((past, r, 6)),
+        np.zeros((past, len(table.condition_joint))), np.zeros(2, dtype=np.int64),
         np.ones(1, dtype=np.int64), np.zeros(k, dtype=np.int64), np.zeros(k), drives, np.zeros(k),
         np.zeros((j, 6)))

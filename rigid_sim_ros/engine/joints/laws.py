@@ -26,7 +26,8 @@ import math
 
 from rigid_sim_ros.engine.joints.articulated import axis_part
 from rigid_sim_ros.engine.joints.buffers import (
-    AT_LOWER, AT_UPPER, EFFORT, JointMotion, JointWork, UNLOCKED)
+    AT_LOWER, AT_UPPER, EFFORT, JointMotion, JointWork, STAGE, UNLOCKED)
+from rigid_sim_ros.engine.joints.joint_coordinates import has_one_coordinate
 from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
 from rigid_sim_ros.engine.maths.vector import norm, row
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -58,18 +59,41 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
                     + drives.damping[k] * (begun * (drives.velocity[k] - v)
                                            + ended * drives.velocity[k]))
         law.g[k] = ended * drives.damping[k] + 0.25 * h * h * drives.stiffness[k]
-        law.low[k] = (laws.lower[k] - q) / h - law.bend[k]
-        law.high[k] = (laws.upper[k] - q) / h - law.bend[k]
+        _go_by_way(work, k)
+        law.low[k] = ((laws.lower if h > 0.0 else laws.upper)[k] - q) / h - law.bend[k]
+        law.high[k] = ((laws.upper if h > 0.0 else laws.lower)[k] - q) / h - law.bend[k]
         law.stick[k] = -law.bend[k]
         _bound_forces(table, motion, work, k, h)
         # What is to meet a limit begins free: the rate that it would have tells how fast it comes.
-        far, is_free = work.tolerance[0] / h, law.high[k] > law.low[k]
+        far, is_free = work.tolerance[0] / abs(h), law.high[k] > law.low[k]
         if is_free and v <= law.low[k] < -far:
             _go_to(work, k, law.low[k], 1)
         elif is_free and v >= law.high[k] > far:
             _go_to(work, k, law.high[k], -1)
         else:
             _begin_on(work, k, v, motion.held[k] == 1)
+
+
+@inlined
+def _go_by_way(work: JointWork, k: int) -> None:
+    """Let what acts in the first half depend on the mean rate of the step, v + bent."""
+    law = work.law
+    law.a[k] -= law.b[k] * law.bent[k]
+    law.u[k] -= law.g[k] * law.bent[k]
+
+
+@kernel
+def follows_way(table: JointTable, work: JointWork, k: int) -> bool:
+    """
+    Return whether the mean rate of a step, and not that at its start, is asked of axis k.
+
+    The rotor of a motor is a body that keeps its own momentum while the axis turns with its
+    parent: with the rate at the start armatures are of first order there, and springs of second.
+    With the mean both are of fourth order in stages.
+    """
+    if table.has_laws[k] == 0 or not has_one_coordinate(table.kind[table.axis_joint[k]]):
+        return False
+    return work.known[STAGE] > 0
 
 
 @kernel
@@ -89,6 +113,30 @@ def _yield(table: JointTable, work: JointWork, k: int) -> float:
 
 
 @kernel
+def has_friction(table: JointTable) -> bool:
+    """Return whether there is dry friction in any joint."""
+    for k in range(table.has_laws.shape[0]):
+        if table.has_laws[k] == 1 and table.laws.friction[k] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def is_smooth(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> bool:
+    """
+    Return whether each axis is free after a half step, and none is damped too fast.
+
+    That is by more than can be followed back in time in a step of h [s]: back by a part p < 1 of
+    it a damper makes the rate (1 + p z / 2) / (1 - p z / 2) times as large.
+    """
+    for k in range(table.has_laws.shape[0]):
+        if table.has_laws[k] == 1 and (work.locked[k] != UNLOCKED or h * _yield(table, work, k) * (
+                table.laws.damping[k] + motion.drives.damping[k]) > 2.0):
+            return False
+    return True
+
+
+@kernel
 def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
     """Write what acts in the second half of a step of h [s]; positions are those at its end."""
     law, laws, drives = work.law, table.laws, motion.drives
@@ -97,7 +145,8 @@ def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) 
             continue
         q, v = motion.position[table.axis_joint[k]], law.half_rate[k]
         mean = 0.5 * (law.before[k] + q)
-        law.a[k] = laws.armature[k] * v - 0.5 * h * laws.stiffness[k] * (mean - laws.rest[k])
+        law.a[k] = (laws.armature[k] * (v + law.bent[k])
+                    - 0.5 * h * laws.stiffness[k] * (mean - laws.rest[k]))
         law.b[k] = laws.armature[k] + 0.5 * h * laws.damping[k]
         law.u[k] = 0.5 * h * (drives.effort[k] + drives.stiffness[k] * (drives.position[k] - mean)
                               + drives.damping[k] * drives.velocity[k])
@@ -124,7 +173,7 @@ def impact_laws(table: JointTable, motion: JointMotion, work: JointWork) -> None
         if table.has_laws[k] == 0:
             continue
         q = motion.position[table.axis_joint[k]]
-        law.before[k], law.half_rate[k] = q, motion.rate[k]
+        law.before[k], law.half_rate[k], law.bent[k] = q, motion.rate[k], 0.0
         law.back[k], law.bound[k] = -law.share[k] * motion.rate[k], law.met[k]
         if q <= laws.lower[k] + work.tolerance[0]:
             law.bound[k] |= AT_LOWER
@@ -138,7 +187,7 @@ def _bound_forces(table: JointTable, motion: JointMotion, work: JointWork, k: in
                   h: float) -> None:
     """Write what friction and drive give in half a step, at most."""
     law, laws = work.law, table.laws
-    law.F[k], law.E[k] = 0.5 * h * laws.friction[k], 0.5 * h * laws.effort[k]
+    law.F[k], law.E[k] = 0.5 * h * laws.friction[k], 0.5 * abs(h) * laws.effort[k]
     has_drive = abs(law.u[k]) + law.g[k] > 0.0
     law.fast[k] = laws.velocity[k] if has_drive else math.inf
     law.brakes[k] = 0 if motion.drives.mode[k] == EFFORT else 1
@@ -324,7 +373,8 @@ def note_efforts(table: JointTable, motion: JointMotion, work: JointWork, h: flo
             if work.locked[k] != UNLOCKED and v != law.stick[k] and abs(v) == law.fast[k]:
                 friction = law.F[k] if v < law.stick[k] else -law.F[k]
                 drive = reaction_of(table, work, i, k) - law.a[k] + law.b[k] * v - friction
-            way = h * v if first else motion.position[table.axis_joint[k]] - law.before[k]
+            way = (h * (v + law.bent[k]) if first
+                   else motion.position[table.axis_joint[k]] - law.before[k])
             stretch = law.before[k] + 0.5 * way - laws.rest[k]
             impulse = drive - 0.5 * h * laws.stiffness[k] * stretch
             if first:

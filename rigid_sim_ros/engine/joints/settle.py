@@ -189,7 +189,7 @@ def find_motions_of_pieces(model: Model, table: JointTable, state: State, work: 
 @kernel
 def _solve(model: Model, table: JointTable, state: State, work: JointWork, ahead: float) -> None:
     """Solve with the relative motions c = ahead * curved."""
-    asked = ahead > 0.0 or table.lawful > 0
+    asked = ahead != 0.0 or table.lawful > 0
     if asked:
         for i in range(table.body.shape[0]):
             set_six(work.c, i, minus((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -ahead, six(work.curved, i)))

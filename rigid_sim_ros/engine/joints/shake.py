@@ -16,8 +16,9 @@ from rigid_sim_ros.engine.dynamics.free_flight import drift_from
 from rigid_sim_ros.engine.joints.articulated import (
     add_momenta, along, axis_part, solve, write_momenta)
 from rigid_sim_ros.engine.joints.buffers import (
-    JointMotion, JointWork, LOCKED, PAST, STIFF, UNLOCKED)
+    JointMotion, JointWork, LOCKED, PAST, STAGE, STIFF, UNLOCKED)
 from rigid_sim_ros.engine.joints.joint_coordinates import joint_error, joint_position
+from rigid_sim_ros.engine.joints.laws import follows_way
 from rigid_sim_ros.engine.joints.loops import close_one, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
@@ -97,6 +98,7 @@ def measure(table: JointTable, state: State, motion: JointMotion, work: JointWor
         # The motions that the joint allows do not count, unless it is locked at a position.
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             e = _without_axis(table, work, k, e)
+            work.law.astray[k] = 0.0
             if work.locked[k] != UNLOCKED:
                 target, astray = work.law.target[k], 0.0
                 if target < math.inf:
@@ -113,6 +115,23 @@ def measure(table: JointTable, state: State, motion: JointMotion, work: JointWor
             (e[3], e[4], e[5]), (e[3], e[4], e[5]))
         way, angle = way if d <= way else d, angle if a <= angle else a
     work.largest[0], work.largest[1], work.largest[2] = lever, way, angle
+    return worst
+
+
+@kernel
+def _measure_ways(table: JointTable, state: State, work: JointWork, h: float, g: int) -> float:
+    """
+    Write by how much the ways of free axes of articulation g differ from h (rate + bent).
+
+    Returns the largest number among these; other axes have a 0 there.
+    """
+    law, worst = work.law, 0.0
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    for k in range(table.first_axis[begin], table.first_axis[end]):
+        if work.locked[k] == UNLOCKED and follows_way(table, work, k):
+            q = joint_position(table, state, table.axis_joint[k], law.left_at[k])
+            law.astray[k] = q - law.left_at[k] - h * (law.half_rate[k] + law.bent[k])
+            worst = max(worst, abs(law.astray[k]))
     return worst
 
 
@@ -134,40 +153,48 @@ def expect(table: JointTable, motion: JointMotion, work: JointWork) -> None:
     h^(n+2) in the pose at the end of the step, and n <= PAST.
     """
     known, past, strain, weight = motion.known[0], motion.curvature, motion.strain, -1.0
-    curved = work.curved
+    curved, latest = work.curved, PAST * work.known[STAGE]
     curved[:], work.loop.curved[:] = 0.0, 0.0
     for n in range(known):
         # The binomial coefficients of `known`, with changing signs.
         weight = weight * (n - known) / (n + 1)
         for i in range(table.body.shape[0]):
             for k in range(6):
-                curved[i, k] += weight * past[n, i, k]
+                curved[i, k] += weight * past[latest + n, i, k]
         for m in range(strain.shape[1]):
-            work.loop.curved[m] += weight * strain[n, m]
+            work.loop.curved[m] += weight * strain[latest + n, m]
     for i in range(table.body.shape[0]):
         c = six(curved, i)
-        # Along its axes a joint needs nothing: what were there would grow, as nothing holds it.
+        # Along its axes a joint needs nothing: what were there would grow, as nothing holds it. So
+        # that is where it is remembered by how much ways differ from what rates say.
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            work.law.bent[k] = (axis_part(table, work, k, c) if follows_way(table, work, k)
+                                else 0.0)
             c = _without_axis(table, work, k, c)
         set_six(curved, i, c)
 
 
 @kernel
 def remember(table: JointTable, motion: JointMotion, work: JointWork) -> None:
-    """Note the relative motions that were needed."""
-    past, strain = motion.curvature, motion.strain
-    for n in range(PAST - 1, 0, -1):
+    """Note the relative motions that were needed, of a whole way or of a stage of it."""
+    past, strain, latest = motion.curvature, motion.strain, PAST * work.known[STAGE]
+    for n in range(latest + PAST - 1, latest, -1):
         for i in range(table.body.shape[0]):
             for k in range(6):
                 past[n, i, k] = past[n - 1, i, k]
         for m in range(strain.shape[1]):
             strain[n, m] = strain[n - 1, m]
     for i in range(table.body.shape[0]):
-        for k in range(6):
-            past[0, i, k] = work.curved[i, k]
+        c = six(work.curved, i)
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if work.law.bent[k] != 0.0:
+                c = minus(c, -work.law.bent[k], along(table, work, k))
+        set_six(past[latest], i, c)
     for m in range(strain.shape[1]):
-        strain[0, m] = work.loop.curved[m]
-    motion.known[0] = min(motion.known[0] + 1, PAST)
+        strain[latest, m] = work.loop.curved[m]
+    # All stages of a way are known when the last one is.
+    if latest == 0 or latest + PAST == past.shape[0]:
+        motion.known[0] = min(motion.known[0] + 1, PAST)
 
 
 @kernel
@@ -187,7 +214,7 @@ def largest_turn(table: JointTable, work: JointWork, h: float, g: int) -> float:
                 if table.translates[k] == 1:
                     levers = norm(row(work.arm, i)) + norm(row(work.com, i))
                     longest = max(longest, abs(work.rate[k]) / (levers + _SHORTEST))
-    return h * (math.sqrt(fastest) + longest)
+    return abs(h) * (math.sqrt(fastest) + longest)
 
 
 @kernel
@@ -207,6 +234,9 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
         work.loop.curved[m] = work.loop.wanted[m] / h
     write_momenta(model, table, state, work)
     keep_poses(table, state, work)
+    for k in range(work.rate.shape[0]):
+        if follows_way(table, work, k):
+            work.law.left_at[k] = joint_position(table, state, table.axis_joint[k], 0.0)
     drift_from(model, state, table.body, 0, table.body.shape[0], work.x, work.q, h, work.block)
     # Articulations do not know of each other: each takes the rounds that it needs.
     for g in range(table.first_row.shape[0] - 1):
@@ -231,6 +261,8 @@ def _close_poses(model: Model, table: JointTable, state: State, motion: JointMot
     yields, rounds, before, angle = False, 0, math.inf, math.inf
     for _ in range(MOST_ROUNDS):
         worst = measure(table, state, motion, work, yields, g)
+        if table.lawful > 0:
+            worst = max(worst, _measure_ways(table, state, work, h, g))
         # Also for what is not a number.
         if stiff and not yields and not worst <= 0.5 * before:
             yields, rounds, before = True, 0, math.inf
@@ -238,7 +270,7 @@ def _close_poses(model: Model, table: JointTable, state: State, motion: JointMot
         if worst <= work.tolerance[0]:
             return True
         if rounds > 0:
-            asked = rounds == 1 and MOST_PARTS * h > model.h
+            asked = rounds == 1 and MOST_PARTS * abs(h) > model.h
             most = (RESOLVED if asked else 0.5) * angle
             angle = largest_angle(table, work, yields, g)
             if not angle <= max(most, _ROUGH * work.tolerance[0]):
@@ -323,6 +355,10 @@ def ask_back(table: JointTable, work: JointWork, h: float, g: int) -> None:
     rate, first, last = 1.0 / h, table.first_row[g], table.first_row[g + 1]
     for k in range(table.first_axis[first], table.first_axis[last]):
         work.tau[k], work.given[k] = 0.0, 0.0
+        if work.locked[k] == UNLOCKED and work.law.astray[k] != 0.0:
+            # It goes another way than its armature and springs were reckoned with.
+            work.tau[k] = -work.extra[k] * rate * work.law.astray[k]
+            work.law.bent[k] += rate * work.law.astray[k]
     for i in range(first, last):
         set_six(work.F, i, _ZERO)
         c = minus(_ZERO, rate, six(work.error, i))

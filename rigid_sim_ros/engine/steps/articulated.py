@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sequence of the stages of a step of bodies that joints hold and that touch nothing."""
 
+from collections.abc import Callable
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
 from rigid_sim_ros.engine.dynamics.free_flight import drift
@@ -54,46 +55,49 @@ class JointedArguments(NamedTuple):
     start: State  # of the part of a step that is taken
 
 
-@kernel
-def advance(c: JointedArguments, count: int) -> None:
-    """Take some steps."""
-    prepare_step(c.model, c.table, c.state, c.scratch)
-    for n in range(count):
-        begin_kinematic(c.model, c.state)
-        # Wrenches are of the latest step only: nobody sees those of the others.
-        _step(c, n == count - 1)
-        end_step(c)
-    read_positions(c.table, c.state, c.motion)
+def steps_by(take: Callable[[JointedArguments, float, bool, bool, bool], float]) -> Any:
+    """Return the kernel that takes steps, their parts by `take`, which is like `take_part`."""
 
+    @kernel
+    def step(c: JointedArguments, record: bool) -> None:
+        """Take a step, in as many parts as it needs; record the wrenches through the joints."""
+        h = c.model.h
+        left, size, slowed, hits, tries = h, next_size(c.motion), 0, 0, 0
+        begin_efforts(c.motion)
+        _stop_arrived(c, h)
+        way = h * size / MOST_PARTS
+        while left > SHORTEST * h:
+            may_end = hits < MOST_HITS and tries < MOST_ENDS
+            until = take(c, way, slowed == MOST_SLOWED, may_end, record)
+            if until == way:
+                if tries > 0:
+                    c.motion.known[0] = 0   # what joints needed is of ways of one length
+                    hits, tries = hits + 1, 0
+                left -= way
+                way = h * size / MOST_PARTS
+                if left < (1.0 - SHARP) * way:
+                    way = left
+            elif until > 0.0:
+                way, tries = way_until(until, left, h), tries + 1
+            elif size > 1:
+                size //= 2
+                way = min(0.5 * way, h * size / MOST_PARTS)
+            else:
+                slow_down(c)
+                slowed += 1
+        c.motion.parts[0] = MOST_PARTS // size
 
-@kernel
-def _step(c: JointedArguments, record: bool) -> None:
-    """Take a step, in as many parts as it needs; record the wrenches through the joints."""
-    h = c.model.h
-    left, size, slowed, hits, tries = h, next_size(c.motion), 0, 0, 0
-    begin_efforts(c.motion)
-    _stop_arrived(c, h)
-    way = h * size / MOST_PARTS
-    while left > SHORTEST * h:
-        may_end = hits < MOST_HITS and tries < MOST_ENDS
-        until = _take_part(c, way, slowed == MOST_SLOWED, may_end, record)
-        if until == way:
-            if tries > 0:
-                c.motion.known[0] = 0   # what joints needed is of ways of one length
-                hits, tries = hits + 1, 0
-            left -= way
-            way = h * size / MOST_PARTS
-            if left < (1.0 - SHARP) * way:
-                way = left
-        elif until > 0.0:
-            way, tries = way_until(until, left, h), tries + 1
-        elif size > 1:
-            size //= 2
-            way = min(0.5 * way, h * size / MOST_PARTS)
-        else:
-            slow_down(c)
-            slowed += 1
-    c.motion.parts[0] = MOST_PARTS // size
+    @kernel
+    def advance(c: JointedArguments, count: int) -> None:
+        prepare_step(c.model, c.table, c.state, c.scratch)
+        for n in range(count):
+            begin_kinematic(c.model, c.state)
+            # Wrenches are of the latest step only: nobody sees those of the others.
+            step(c, n == count - 1)
+            end_step(c)
+        read_positions(c.table, c.state, c.motion)
+
+    return advance
 
 
 @kernel
@@ -104,7 +108,7 @@ def _stop_arrived(c: JointedArguments, h: float) -> None:
 
 
 @kernel
-def _take_part(c: JointedArguments, h: float, last: bool, may_end: bool, record: bool) -> float:
+def take_part(c: JointedArguments, h: float, last: bool, may_end: bool, record: bool) -> float:
     """
     Kick, drift, kick for h [s], with the impulses of the joints: order 2.
 
@@ -317,3 +321,6 @@ def finish(c: JointedArguments, h: float, record: bool) -> None:
         add_wrenches_of_joints(c.table, c.state, motion, scratch, c.model.h, False)
     for k in range(motion.effort.shape[0]):
         motion.effort[k] += scratch.law.effort[k] / c.model.h
+
+
+advance = steps_by(take_part)

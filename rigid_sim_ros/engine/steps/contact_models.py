@@ -41,7 +41,7 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     """
     if setup.joints is not None:
         if name == 'none' or not (can_meet(setup.shapes) or setup.sleep_after > 0.0):
-            return Jointed(setup.model, setup.joints)
+            return Jointed(setup.model, setup.joints, setup.integrator)
         kind = JOINTED_MODELS[name]
         if (name, setup.solver) == ('timestep', 'sequential') and (
                 setup.sleep_after > 0.0 or has_free_bodies(setup, setup.joints)):

@@ -1,12 +1,13 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The model `none`: bodies move as if they were alone, by one of four integrators."""
+"""The model `none`: bodies move as if they were alone, by one of five integrators."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rigid_sim_ros.engine.dynamics.free_flight import fly
-from rigid_sim_ros.engine.dynamics.integrate import euler, rk4, semi_implicit, symplectic, Work
+from rigid_sim_ros.engine.dynamics.integrate import (
+    euler, rk4, semi_implicit, symplectic, symplectic4, Work)
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.model.model import Model
@@ -62,4 +63,5 @@ FREE_MOTION: dict[str, Any] = {
     'semi_implicit': _free_motion(semi_implicit),
     'rk4': _free_motion(rk4),
     'symplectic': _free_motion_symplectic,
+    'symplectic4': _free_motion(symplectic4),
 }

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from rigid_sim_ros.engine.dynamics.integrate import make_work
+from rigid_sim_ros.engine.dynamics.integrate import make_work, STAGES
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.joints.assembly import assemble, project, set_rates
 from rigid_sim_ros.engine.joints.buffers import (
@@ -19,6 +19,7 @@ from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.engine.steps.articulated import advance, JointedArguments
+from rigid_sim_ros.engine.steps.composed import advance_in_stages
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
@@ -30,6 +31,12 @@ class JointSetup(NamedTuple):
     position: Array     # (j,) [rad or m]
     drives: Drives
 
+
+# By integrator: what takes the steps, and in how many stages each; 0: it has none.
+_MOTIONS: dict[str, tuple[Any, int]] = {
+    'symplectic': (advance, 0),
+    'symplectic4': (advance_in_stages, len(STAGES)),
+}
 
 _Arguments = TypeVar('_Arguments', bound=tuple[Any, ...])
 
@@ -46,8 +53,9 @@ def kept(now: _Arguments, before: _Arguments | None) -> _Arguments:
 class JointedMotion:
     """Motion of bodies that joints hold; the dynamic state of the joints is here."""
 
-    def __init__(self, model: Model, setup: JointSetup) -> None:
+    def __init__(self, model: Model, setup: JointSetup, integrator: str = 'symplectic') -> None:
         """Put the joints where they are at the start; their bodies are there already."""
+        self._integrator = integrator
         self.table, self._model, self._joints = setup.table, model, setup
         n = len(model.m)
         self._scratch = make_joint_work(setup.table)
@@ -59,7 +67,7 @@ class JointedMotion:
 
     def _at_rest(self) -> JointMotion:
         drives = Drives._make(array.copy() for array in self._joints.drives)
-        motion = joints_at_rest(self.table, drives)
+        motion = joints_at_rest(self.table, drives, _MOTIONS[self._integrator][1])
         motion.position[:] = self._joints.position
         return motion
 
@@ -81,7 +89,7 @@ class JointedMotion:
         """Advance the state by some steps, and count wrenches and commands down."""
         self.read(state)
         self._pack = packed(self.arguments(state, wrenches), self._pack)
-        self._pack.run(advance, count)
+        self._pack.run(_MOTIONS[self._integrator][0], count)
 
     def arguments(self, state: State, wrenches: Wrenches) -> JointedArguments:
         """Return what the kernels of a step read and write."""

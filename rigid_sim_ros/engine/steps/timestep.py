@@ -121,7 +121,7 @@ def advance_alone(c: Arguments, count: int) -> int:
     for _ in range(count):
         begin_step(c)
         apply_forces(c)
-        kick_drift_kick(model, state, c.work.loads, c.work.block)
+        kick_drift_kick(model, state, c.work.loads, model.h, c.work.block)
         apply_later_forces(c)
         end_step(c)
     return count

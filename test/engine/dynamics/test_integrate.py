@@ -9,7 +9,7 @@ import pytest
 
 from rigid_sim_ros import World
 
-INTEGRATORS = ('euler', 'semi_implicit', 'rk4', 'symplectic')
+INTEGRATORS = ('euler', 'semi_implicit', 'rk4', 'symplectic', 'symplectic4')
 ORIENTATIONS = ('quaternion', 'matrix', 'axis_angle')
 
 
@@ -70,7 +70,7 @@ def oscillator_error(integrator: str, step: float) -> float:
 
 
 @pytest.mark.parametrize(('integrator', 'order'), [
-    ('euler', 1), ('semi_implicit', 1), ('rk4', 4), ('symplectic', 2)])
+    ('euler', 1), ('semi_implicit', 1), ('rk4', 4), ('symplectic', 2), ('symplectic4', 4)])
 def test_the_order_of_each_integrator_under_a_spring(integrator, order):
     ratio = oscillator_error(integrator, 1 / 500) / oscillator_error(integrator, 1 / 1000)
     # 2^p in the limit of small steps; terms of higher order move p by a few hundredths.
@@ -143,14 +143,15 @@ def test_explicit_euler_gains_energy():
     assert energy == pytest.approx(25.0 * (1 + 0.05 ** 2) ** 100, rel=1e-9)
 
 
-def test_damped_motion_is_second_order_with_symplectic():
+@pytest.mark.parametrize(('integrator', 'order'), [('symplectic', 2), ('symplectic4', 3)])
+def test_the_order_of_damped_motion(integrator, order):
     def error(step):
-        world = make(step=step, forces=[{'type': 'wind', 'drag': 4.0}],
+        world = make(integrator, step=step, forces=[{'type': 'wind', 'drag': 4.0}],
                      bodies=[body(twist={'linear': [1.0, 0, 0]})])
         world.step(round(1.0 / step))
         return abs(world.linear_velocity[0, 0] - np.exp(-2.0))  # c / m = 2 / s
 
-    assert np.log2(error(0.02) / error(0.01)) == pytest.approx(2.0, abs=0.1)
+    assert np.log2(error(0.02) / error(0.01)) == pytest.approx(order, abs=0.1)
 
 
 @pytest.mark.parametrize('integrator', INTEGRATORS)
