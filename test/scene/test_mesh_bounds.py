@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.scene import mesh
-from rigid_sim_ros.scene.mesh_bounds import _MOST_PARTS
+from rigid_sim_ros.scene.mesh_bounds import _MOST_PARTS, bounded
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype='<f4')
 FACES = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)], dtype='<u2')
@@ -139,6 +139,12 @@ def test_what_grows_beyond_all_measure_is_refused_soon(tmp_path, name, read):
     (tmp_path / name).write_bytes(HOSTILE[name]())
     with limited_time(), pytest.raises(ValueError, match='is not a mesh that can be read'):
         read(tmp_path / name)
+
+
+@pytest.mark.parametrize('name, said', [('levels.glb', 'levels'), ('solids.stl', 'parts')])
+def test_it_is_refused_before_it_is_read(name, said):
+    with pytest.raises(ValueError, match=said):
+        bounded(HOSTILE[name](), name.rpartition('.')[2])
 
 
 def test_groups_and_materials_of_an_obj_file_take_no_time(tmp_path):
