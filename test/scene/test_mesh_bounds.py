@@ -62,7 +62,7 @@ def tenfold(levels):
 
 
 ONE = '<node><instance_geometry url="#g"/></node>'
-SOLID = b'''solid a
+SOLID = b"""solid a
 facet normal 0 0 1
 outer loop
 vertex 0 0 0
@@ -71,7 +71,7 @@ vertex 0 1 0
 endloop
 endfacet
 endsolid a
-'''
+"""
 
 
 def repeated(count):
