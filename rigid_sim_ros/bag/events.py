@@ -9,12 +9,12 @@ too small to move a body by a bit.
 """
 
 from collections.abc import Callable, Mapping
-import hashlib
 import json
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.bag.digests import digest_of
 from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.scene.additions import names_a_file
 from rigid_sim_ros.world import World
@@ -43,13 +43,13 @@ class Event(NamedTuple):
     def encode(self) -> str:
         """Return the event as JSON."""
         fields = json.dumps(self._asdict(), default=_plain)
-        return f'{fields[:-1]}, "digest": "{_digest(fields)}"}}'
+        return f'{fields[:-1]}, "digest": "{digest_of(fields)}"}}'
 
 
 def decode(text: str) -> Event:
     """Return the event of some JSON; Damaged when it was changed, BagError when not known here."""
     fields, mark, end = text.rpartition(', "digest": "')
-    if not mark or end != f'{_digest(fields + "}")}"}}':
+    if not mark or end != f'{digest_of(fields + "}")}"}}':
         raise Damaged('was changed after it was recorded: its digest does not fit')
     try:
         event = Event(**json.loads(fields + '}'))
@@ -98,10 +98,6 @@ def apply(event: Event, world: World) -> None:
         raise ValueError('the part that comes names a file, must hold all that it is')
     if event.kind in INPUTS:
         world.apply(Command(event.kind, event.arguments))
-
-
-def _digest(fields: str) -> str:
-    return hashlib.blake2b(fields.encode(), digest_size=8).hexdigest()
 
 
 def _plain(value: Any) -> Any:

@@ -28,7 +28,9 @@ ZSTD = '.zstd'
 # MB, and states that repeat shrink to a tenth. A few kB that grow to a GB are meant to harm.
 LARGEST = 64 << 20
 _GROWTH = 16
-# The same of a whole file, which takes room on the disk and not in memory.
+# The same of all pieces of a file together, and of a file that is compressed as a whole: what is
+# read piece by piece takes time, and room on the disk, but no memory.
+_LARGEST_FILE = 4 * LARGEST
 _FILE_GROWTH = 256
 
 _PIECE = 1 << 20
@@ -76,11 +78,26 @@ def most_unpacked(packed: int) -> int:
     return max(LARGEST, _GROWTH * packed)
 
 
-class Unpacker:
-    """Unpacks frames of zstd for one thread."""
+class Budget:
+    """How much may become of a file whose pieces are read one after the other."""
 
-    def __init__(self) -> None:
-        """Make room for it."""
+    def __init__(self, packed: int) -> None:
+        """Begin with a file of so many bytes."""
+        self.most = self.left = max(_LARGEST_FILE, _FILE_GROWTH * packed)
+
+    def spend(self, size: int) -> None:
+        """Take so many bytes away; ValueError if there are not so many left."""
+        self.left -= size
+        if self.left < 0:
+            raise ValueError(f'all that is in the file grows beyond {self.most} bytes')
+
+
+class Unpacker:
+    """Unpacks frames of zstd out of one file for one thread."""
+
+    def __init__(self, budget: Budget) -> None:
+        """Make room for it; all frames together may grow as far as the budget says."""
+        self._budget = budget
         self._decompress = zstandard.ZstdDecompressor().decompress
 
     def __call__(self, data: bytes, size: int | None = None) -> bytes:
@@ -96,8 +113,10 @@ class Unpacker:
             wanted, most = max(told, size or 0), most_unpacked(len(data))
             if wanted > most:
                 raise ValueError(f'{len(data)} bytes that grow to {wanted}')
+            self._budget.spend(wanted)
             # Where the size is not known the limit is how far it may grow.
             raw: bytes = self._decompress(data, max_output_size=wanted or most)
+            self._budget.spend(len(raw) - wanted)
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from None
         return raw
@@ -109,15 +128,14 @@ def unpacked(file: Path) -> Iterator[Path]:
     with TemporaryDirectory(prefix='rigid_sim_ros_') as folder:
         plain = Path(folder, file.name.removesuffix(ZSTD))
         with open_regular(file) as packed, plain.open('xb') as target:
-            most = max(LARGEST, _FILE_GROWTH * os.fstat(packed.fileno()).st_size)
+            budget = Budget(os.fstat(packed.fileno()).st_size)
             try:
                 with zstandard.ZstdDecompressor().stream_reader(
                         packed, read_across_frames=True) as pieces:
                     while piece := pieces.read(_PIECE):
+                        budget.spend(len(piece))
                         target.write(piece)
-                        if target.tell() > most:
-                            raise Damaged(f'{file.name} is damaged (it grows beyond {most} bytes)')
-            except zstandard.ZstdError as error:
+            except (zstandard.ZstdError, ValueError) as error:
                 raise Damaged(f'{file.name} is damaged ({error})') from None
         yield plain
 

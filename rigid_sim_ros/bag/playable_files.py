@@ -15,13 +15,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from rigid_sim_ros.bag.errors import Damaged
-from rigid_sim_ros.bag.files import open_regular, unpacked, Unpacker, ZSTD
+from rigid_sim_ros.bag.files import (
+    Budget, LARGEST, open_regular, size_of, unpacked, Unpacker, ZSTD)
 from rigid_sim_ros.bag.mcap_index import Block, read_block, read_index
 from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.sqlite_index import SqliteIndex
 
 Message: TypeAlias = tuple[int, str, bytes]     # time [ns], topic, CDR
 TIME: Callable[[Message], int] = itemgetter(0)
+_Unpack: TypeAlias = Callable[[bytes], bytes]
 _STAMP: Callable[[tuple[int, int, bytes]], int] = itemgetter(1)     # of (channel, time, data)
 
 # [bytes] Blocks whose times overlap are sorted together up to this. Recorders write almost in
@@ -95,7 +97,7 @@ class McapPlayback:
         ends = [*(block.first_ns for block in blocks[1:]), 2 ** 64]
         # By the place of their block: of one time, what was written first comes first.
         pending: dict[int, list[Message]] = {}
-        with self._reading() as read:
+        with self._reading() as (read, unpack):
             for block, end in zip(blocks, ends, strict=False):
                 pending[block.offset] = [
                     message for message in read(block, numbers) if message[0] >= start_ns]
@@ -108,14 +110,13 @@ class McapPlayback:
                 pending = {} if cut == len(group) else {
                     offset: [each for each in messages if each[0] >= end]
                     for offset, messages in pending.items()}
-                if cut:
-                    yield group[:cut]
+                yield from _in_groups(group[:cut], unpack)
 
     def last(self, until_ns: int, counts: Mapping[str, int]) -> list[Message]:
         """Return the last messages of topics up to a time and with it, so many of each."""
         found: dict[str, list[Message]] = {name: [] for name in counts}
         by_name = {name: self._numbers({name}) for name in counts}
-        with self._reading() as read:
+        with self._reading() as (read, unpack):
             for block in sorted(self._blocks, key=lambda each: each.last_ns, reverse=True):
                 if block.first_ns > until_ns:
                     continue
@@ -131,17 +132,18 @@ class McapPlayback:
                         found[message[1]].append(message)
                 for name in open_names:
                     found[name] = sorted(found[name], key=TIME)[-counts[name]:]
-        return [message for messages in found.values() for message in messages]
+            return [(stamp, name, unpack(data)) for messages in found.values()
+                    for stamp, name, data in messages]
 
     def _numbers(self, names: AbstractSet[str]) -> dict[int, str]:
         return {number: name for number, (name, _) in self._scan.topics.items() if name in names}
 
     @contextmanager
-    def _reading(self) -> Iterator[Callable[[Block, Mapping[int, str]], list[Message]]]:
-        """Give a function that returns the messages of some channels in a block."""
+    def _reading(self) -> Iterator[tuple[
+            Callable[[Block, Mapping[int, str]], list[Message]], _Unpack]]:
+        """Give what returns the messages of some channels in a block, and what unpacks them."""
         with open_regular(self._path) as file, closing(McapScan(self._path)) as scan:
             scan.schemas, scan.topics = dict(self._scan.schemas), dict(self._scan.topics)
-            unpack = _unpacker(self._path) if self._by_message else None
 
             def read(block: Block, numbers: Mapping[int, str]) -> list[Message]:
                 found = scan.messages_in(read_block(file, block, scan))
@@ -149,13 +151,10 @@ class McapPlayback:
                                   and max(map(_STAMP, found)) <= block.last_ns):
                     raise Damaged(f'{self._path.name}: the block at byte {block.offset} holds '
                                   'messages of other times than its index says')
-                if unpack is None:
-                    return [(stamp, numbers[number], data)
-                            for number, stamp, data in found if number in numbers]
-                return [(stamp, numbers[number], unpack(data))
+                return [(stamp, numbers[number], data)
                         for number, stamp, data in found if number in numbers]
 
-            yield read
+            yield read, _unpacker(self._path, self._by_message)
 
 
 class SqlitePlayback:
@@ -176,22 +175,17 @@ class SqlitePlayback:
     def messages(self, start_ns: int, names: AbstractSet[str]) -> Iterator[list[Message]]:
         """Give the messages of some topics from a time on, in groups sorted by time."""
         numbers = [number for number, name in self._names.items() if name in names]
-        message = self._converter()
+        unpack = _unpacker(self._path, self._by_message)
         for group in self._index.messages(start_ns, numbers):
-            yield [message(row) for row in group]
+            yield from _in_groups(
+                [(stamp, self._names[number], data) for number, stamp, data in group], unpack)
 
     def last(self, until_ns: int, counts: Mapping[str, int]) -> list[Message]:
         """Return the last messages of topics up to a time and with it, so many of each."""
-        message = self._converter()
-        return [message(row) for number, name in self._names.items() if name in counts
-                for row in self._index.last(number, until_ns, counts[name])]
-
-    def _converter(self) -> Callable[[tuple[int, int, bytes]], Message]:
-        names = self._names
-        if not self._by_message:
-            return lambda row: (row[1], names[row[0]], row[2])
-        unpack = _unpacker(self._path)
-        return lambda row: (row[1], names[row[0]], unpack(row[2]))
+        unpack = _unpacker(self._path, self._by_message)
+        return [(stamp, name, unpack(data))
+                for number, name in self._names.items() if name in counts
+                for _, stamp, data in self._index.last(number, until_ns, counts[name])]
 
 
 class PackedPlayback:
@@ -226,9 +220,24 @@ class PackedPlayback:
             yield self._open(plain)
 
 
-def _unpacker(path: Path) -> Callable[[bytes], bytes]:
-    """Return what unpacks the messages of a file; it belongs to one thread."""
-    decompress = Unpacker()
+def _in_groups(messages: list[Message], unpack: _Unpack) -> Iterator[list[Message]]:
+    """Give messages unpacked, in groups none of which takes much more memory than its last."""
+    group, size = [], 0
+    for stamp, name, data in messages:
+        group.append((stamp, name, unpack(data)))
+        size += len(group[-1][2])
+        if size > LARGEST:
+            yield group
+            group, size = [], 0
+    if group:
+        yield group
+
+
+def _unpacker(path: Path, by_message: bool) -> _Unpack:
+    """Return what unpacks the messages of a file, if they are packed; it is for one thread."""
+    if not by_message:
+        return bytes
+    decompress = Unpacker(Budget(size_of(path)))
 
     def unpack(data: bytes) -> bytes:
         try:

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 from rigid_sim_ros.bag import metadata as metadata_file
 from rigid_sim_ros.bag.errors import BagError, Damaged
-from rigid_sim_ros.bag.files import bag_files, SUFFIXES, unpacked, Unpacker, ZSTD
+from rigid_sim_ros.bag.files import bag_files, Budget, size_of, SUFFIXES, unpacked, Unpacker, ZSTD
 from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.sqlite_file import SqliteReader
 from rigid_sim_ros.problems import counted
@@ -102,7 +102,8 @@ class BagReader:
                 storage = SqliteReader(plain, self._mode == 'message')
             else:
                 storage = McapScan(plain)
-                decompress = Unpacker() if self._mode == 'message' else None
+                decompress = (Unpacker(Budget(size_of(plain)))
+                              if self._mode == 'message' else None)
             try:
                 topics, self._storage = storage.topics, storage
                 for channel, stamp, data in storage.messages():

@@ -12,7 +12,7 @@ import zstandard
 from rigid_sim_ros.bag import decode, events, topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
-from rigid_sim_ros.bag.files import Unpacker
+from rigid_sim_ros.bag.files import Budget, size_of, Unpacker
 from rigid_sim_ros.bag.mcap_file import McapFile
 from rigid_sim_ros.bag.salvage import is_chunk_compressed, is_packed, rows, SalvagedFile
 from rigid_sim_ros.bag.sqlite_file import COMPANIONS, SqliteFile
@@ -32,7 +32,7 @@ def rewrite(file: SalvagedFile, topics: list[Topic], packed: bool, *, is_last: b
     kind = SqliteFile if path.suffix == '.db3' else McapFile
     writer = kind(part, topics, compressed=path.suffix == '.mcap' and is_chunk_compressed(path))
     source = SalvagedFile(path, file.work)
-    unpack = Unpacker()
+    unpack = Unpacker(Budget(size_of(path)))
     stamp = step = lost = 0
     owes = file.begins_with_gap
     event = next((index[t.name] for t in topics if t.kind == kinds.EVENT), 0)

@@ -20,7 +20,7 @@ from mcap.opcode import Opcode
 
 from rigid_sim_ros.bag import decode, events, session, topics as kinds
 from rigid_sim_ros.bag.errors import BagError, Damaged
-from rigid_sim_ros.bag.files import open_regular, size_of, Unpacker
+from rigid_sim_ros.bag.files import Budget, open_regular, size_of, Unpacker
 from rigid_sim_ros.bag.metadata import FileFacts
 from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.sqlite_file import COMPANIONS, open_database
@@ -96,7 +96,7 @@ class SalvagedFile:
 
 def rows(file: SalvagedFile) -> Iterator[Row]:
     """Give every message that can be had of a file, and learn about the file."""
-    unpack = Unpacker()
+    unpack = Unpacker(Budget(size_of(file.path)))
     telling: dict[int, Topic] = {}      # channels that tell of a session, if it is one of ours
     own: dict[int, Topic] = {}          # those that do
     for channel, stamp, data in (
@@ -223,10 +223,10 @@ def _learn(file: SalvagedFile, scan: McapScan) -> None:
 # --- SQLite -------------------------------------------------------------------------------------
 
 def _sqlite_rows(file: SalvagedFile) -> Iterator[Row]:
-    unpack = Unpacker()
     try:
         path = _restored(file)
         left = size_of(path)
+        unpack = Unpacker(Budget(left))
         with contextlib.closing(open_database(path)) as database:
             for k, name, kind, profiles in database.execute(
                     'SELECT id, name, type, offered_qos_profiles FROM topics'):

@@ -10,6 +10,7 @@ readers of rosbags and mcap take 5 and 3 and stop at a file that has no end.
 
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 import io
 import mmap
 import os
@@ -26,7 +27,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, Footer, Header, Schema
 
 from rigid_sim_ros.bag.errors import Damaged
-from rigid_sim_ros.bag.files import most_unpacked, open_regular, Unpacker
+from rigid_sim_ros.bag.files import Budget, most_unpacked, open_regular, Unpacker
 from rigid_sim_ros.bag.mcap_file import MAGIC, MESSAGE, MESSAGE_FIELDS
 
 _RECORD = struct.Struct('<BQ')
@@ -79,8 +80,9 @@ class McapScan:
         self._file = open_regular(path)
         self._size = os.fstat(self._file.fileno()).st_size
         self._crc = 0
+        budget = Budget(self._size)
         self._decompress: dict[str, Callable[[bytes, int], bytes]] = {
-            '': lambda data, _: data, 'zstd': Unpacker(), 'lz4': _lz4}
+            '': lambda data, _: data, 'zstd': Unpacker(budget), 'lz4': partial(_lz4, budget)}
         self._searched = 0      # [bytes] of what looked like chunks
         self._knows_all = False     # whether what is said of topics anywhere is known
         start = self._read(len(MAGIC))
@@ -277,6 +279,7 @@ class McapScan:
                                'was written (their checksum does not fit)')
 
 
-def _lz4(data: bytes, size: int) -> bytes:
+def _lz4(budget: Budget, data: bytes, size: int) -> bytes:
+    budget.spend(size)
     raw = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     return bytes(raw)

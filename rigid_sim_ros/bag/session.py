@@ -3,7 +3,6 @@
 """What a bag says of its session: who recorded it, with what, and what is on which topic."""
 
 from collections.abc import Mapping, Sequence
-import hashlib
 import json
 import platform
 from typing import Any, NamedTuple
@@ -13,6 +12,7 @@ import numpy as np
 
 from rigid_sim_ros import __version__
 from rigid_sim_ros.bag.decode import string
+from rigid_sim_ros.bag.digests import digest_of
 from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.world.version import source_digest
@@ -41,7 +41,7 @@ class Session(NamedTuple):
         fields = self._asdict()
         fields['topics'] = [topic._asdict() for topic in self.topics]
         text = json.dumps(fields, default=str)
-        return f'{text[:-1]}, "digest": "{_digest(text)}"}}'
+        return f'{text[:-1]}, "digest": "{digest_of(text)}"}}'
 
     @property
     def by_name(self) -> dict[str, Topic]:
@@ -81,7 +81,7 @@ def decode(text: str) -> Session:
             raise BagError(f'the bag has format {fields["format"]!r:.40}, must be {FORMAT}: read '
                            'it with the version of rigid_sim_ros that recorded it')
         body, _, _ = text.rpartition(', "digest": "')
-        if fields.pop('digest') != _digest(body + '}'):
+        if fields.pop('digest') != digest_of(body + '}'):
             raise Damaged('the description of the session was changed after it was recorded')
         fields['topics'] = tuple(Topic(**topic) for topic in fields['topics'])
         fields['bodies'] = tuple(fields['bodies'])
@@ -105,7 +105,3 @@ def _check(session: Session) -> None:
     for what in (session.software, session.parameters):
         if not isinstance(what, dict):
             raise ValueError(f'{what!r:.40} is no mapping')
-
-
-def _digest(text: str) -> str:
-    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()

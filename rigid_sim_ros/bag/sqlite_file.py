@@ -15,7 +15,7 @@ import sqlite3
 import zstandard
 
 from rigid_sim_ros.bag.errors import BagError, Damaged
-from rigid_sim_ros.bag.files import open_regular, Unpacker
+from rigid_sim_ros.bag.files import Budget, open_regular, size_of, Unpacker
 from rigid_sim_ros.bag.metadata import FileFacts, profiles_text
 from rigid_sim_ros.bag.topics import definition, Topic
 
@@ -193,7 +193,7 @@ class SqliteReader:
     def __init__(self, path: Path, compressed: bool) -> None:
         """Open the file and read its topics; BagError if it is none, or damaged."""
         self.path = path
-        self._decompress = Unpacker() if compressed else None
+        self._decompress = Unpacker(Budget(size_of(path))) if compressed else None
         for companion in COMPANIONS:
             if os.path.lexists(path.with_name(path.name + companion)):
                 raise Damaged(f'{path.name} was not closed')

@@ -67,8 +67,7 @@ def make_diagram(bag: str, patterns: Sequence[str], quantities: Sequence[str], s
         if name not in QUANTITIES:
             raise BagError(f'--quantity {name}: {nearest(name, QUANTITIES)}')
     motion = read_motion(bag)
-    wanted = list(dict.fromkeys(quantities)) or [
-        name for name in QUANTITIES if motion.joints or name not in OF_JOINTS]
+    wanted = list(dict.fromkeys(quantities)) or _usual(motion)
     bodies = choose_bodies(motion, patterns)
     rows = choose_rows(motion, start, duration)
     missing: dict[str, str] = {}
@@ -98,6 +97,14 @@ def make_diagram(bag: str, patterns: Sequence[str], quantities: Sequence[str], s
     who = shown.names[0] if len(shown.names) == 1 else f'{len(shown.names)} bodies'
     resets = [float(motion.time[k]) for k in motion.resets if rows.start < k < rows.stop]
     return Diagram(f'{scene}: {who}, {span}', _time_label(motion), panels, resets), notes
+
+
+def _usual(motion: Motion) -> list[str]:
+    """Return what is drawn if nobody says what: all but what is missing in the scene."""
+    absent = () if motion.joints else OF_JOINTS
+    if not any(values[:, 2].any() for _, values in motion.joints.values()):
+        absent = (*absent, 'joint_effort')      # nothing drives a joint, and no spring
+    return [name for name in QUANTITIES if name not in absent]
 
 
 def choose_bodies(motion: Motion, patterns: Sequence[str]) -> npt.NDArray[np.intp]:

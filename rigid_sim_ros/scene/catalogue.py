@@ -5,6 +5,7 @@
 from importlib.resources import files
 import os
 from pathlib import Path
+import stat
 
 from rigid_sim_ros.problems import Problem
 from rigid_sim_ros.scene.errors import SceneError
@@ -12,6 +13,9 @@ from rigid_sim_ros.words import nearest
 
 # What `rigid_sim run` shows without a scene, as msg_config/default.yaml says too.
 DEFAULT_SCENE = 'tower'
+
+_KINDS = {stat.S_IFDIR: 'a folder', stat.S_IFIFO: 'a pipe', stat.S_IFCHR: 'a device',
+          stat.S_IFBLK: 'a device', stat.S_IFSOCK: 'a socket'}
 
 _FOLDER = Path(str(files('rigid_sim_ros'))) / 'example_scenes'
 
@@ -42,8 +46,15 @@ def find(path_or_name: str | os.PathLike[str]) -> Path:
     if str(path) in names:
         return _FOLDER / f'{path}.yaml'
     message = f'is neither a scene file nor an example, {nearest(path, names)}'
-    if os.path.isdir(path):
-        message = 'is a folder, must be a scene file'
-    elif os.path.lexists(path):
-        message = 'is not a regular file, must be a scene file'
+    if os.path.lexists(path):
+        message = f'is {_kind(path)}, must be the file of a scene or a model'
     raise SceneError([Problem(message, '', str(path))])
+
+
+def _kind(path: Path) -> str:
+    """Return what there is in the place of a file."""
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return 'a link to nothing'
+    return _KINDS.get(stat.S_IFMT(mode), 'no regular file')

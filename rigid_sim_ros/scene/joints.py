@@ -13,7 +13,7 @@ from rigid_sim_ros.engine.joints.buffers import (
     Drives, EFFORT, joints_at_rest, make_joint_work, no_drives, POSITION, VELOCITY)
 from rigid_sim_ros.engine.joints.joint_coordinates import (
     joint_distance, joint_error, joint_position)
-from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply, rotate
+from rigid_sim_ros.engine.maths.rotation_in_python import cross, from_matrix, multiply, rotate
 from rigid_sim_ros.engine.model import joints as engine
 from rigid_sim_ros.engine.model.joints import (
     axis_groups, build_joints, JointTable, Laws, LoopError, Mimic)
@@ -64,6 +64,7 @@ def check_joints(spec: schema.Scene, report: Report) -> None:
     known = {'world': None, **bodies}
     joints = spec.joints or ()
     others = {joint.name: joint for joint in joints}
+    leads_back: dict[str, bool] = {}
     by_name: dict[str, int] = {}
     for i, joint in enumerate(joints):
         here = below(('joints', i), report)
@@ -82,7 +83,7 @@ def check_joints(spec: schema.Scene, report: Report) -> None:
                  'must be a body that is not fixed, or no joint')
         _check_keys(joint, here)
         _check_limits(joint, here)
-        _check_mimic(joint, others, here)
+        _check_mimic(joint, others, leads_back, here)
     if joints and spec.world.integrator not in ('symplectic', 'symplectic4'):
         report(('world', 'integrator'), f'{shown(spec.world.integrator)} beside joints, must be '
                'symplectic or symplectic4, which keep them closed')
@@ -117,7 +118,9 @@ def _check_limits(joint: schema.Joint, here: Report) -> None:
                  f'{lowest:g} .. {highest:g}')
 
 
-def _check_mimic(joint: schema.Joint, others: Mapping[str, schema.Joint], here: Report) -> None:
+def _check_mimic(joint: schema.Joint, others: Mapping[str, schema.Joint],
+                 leads_back: dict[str, bool], here: Report) -> None:
+    """Report a joint that follows none, or itself; `leads_back` keeps what is known of others."""
     if joint.mimic is None:
         return
     other = others.get(joint.mimic.joint)
@@ -127,12 +130,13 @@ def _check_mimic(joint: schema.Joint, others: Mapping[str, schema.Joint], here: 
              f'{nearest(joint.mimic.joint, ok)}')
         return
     seen = {joint.name}
-    while other is not None and other.mimic is not None:
-        if other.name in seen:
-            break
+    while (other is not None and other.mimic is not None and other.name not in seen
+           and other.name not in leads_back):
         seen.add(other.name)
         other = others.get(other.mimic.joint)
-    if other is not None and other.name in seen:
+    verdict = other is not None and (other.name in seen or leads_back.get(other.name, False))
+    leads_back.update(dict.fromkeys(seen, verdict))
+    if verdict:
         here(('mimic', 'joint'), f'{shown(joint.mimic.joint)} leads back to this joint, must not')
 
 
@@ -245,10 +249,10 @@ def _axes(joint: schema.Joint) -> tuple[float, float, float, float] | None:
     if joint.axis2 is not None and size < 1.0 - _PARALLEL:
         return None
     x = x / size
-    y = np.cross(z, x)
-    R = np.column_stack([x, y, z])
-    rows = [tuple(row) for row in R.tolist()]
-    q: tuple[float, float, float, float] = from_matrix((rows[0], rows[1], rows[2]))
+    a, c = x.tolist(), z.tolist()
+    b = cross(c, a)
+    q: tuple[float, float, float, float] = from_matrix(
+        ((a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])))
     return q
 
 

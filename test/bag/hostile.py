@@ -16,6 +16,7 @@ from typing import Any
 
 from bag import foreign
 from bag.sessions import shared_session
+from mcap.opcode import Opcode
 import zstandard
 
 from rigid_sim_ros.bag.export import export
@@ -24,6 +25,7 @@ from rigid_sim_ros.bag.motion import read_motion
 from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.resume import find
+from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.verify import verify
 
 # [s] of a processor, and altogether: what goes on for ever, or grows with the square of what a bag
@@ -168,6 +170,44 @@ def _huge_message(bag: Path, outside: Path) -> None:
     path.write_text(path.read_text().replace('"none"', '"message"'))
 
 
+def _grow(size: int) -> bytes:
+    """Return a message of type String that is so large, compressed."""
+    text = size - 8
+    return zstandard.ZstdCompressor().compress(
+        struct.pack('<II', 0x100, text) + bytes(text))
+
+
+def _many_large_messages(bag: Path, outside: Path) -> None:
+    """Put messages of 30 MB each, none of them too large, into the place of all others."""
+    with sqlite3.connect(_first(bag)) as database:
+        database.execute('UPDATE messages SET data = ?', (_grow(30 << 20),))
+        database.commit()
+    database.close()
+    path = bag / 'metadata.yaml'
+    path.write_text(path.read_text().replace('"none"', '"message"'))
+
+
+@cache
+def _of_many_large_chunks() -> bytes:
+    """Return an MCAP file of a thousand chunks of 60 MB each."""
+    with tempfile.TemporaryDirectory() as folder:
+        size = 60 << 20
+        path = foreign.mcap(Path(folder, 'large.mcap'), [(10 ** 9, '/chat', bytes(size))],
+                            compression=foreign.CompressionType.ZSTD)
+        whole = path.read_bytes()
+        scan = McapScan(path)
+        records = list(scan.records())
+        scan.close()
+    chunk, = (k for k, record in enumerate(records) if record.opcode == Opcode.CHUNK)
+    begin, end = records[chunk].offset, records[chunk + 1].offset
+    return whole[:begin] + 1000 * whole[begin:end]
+
+
+def _many_large_chunks(bag: Path, outside: Path) -> None:
+    _first(bag).write_bytes(_of_many_large_chunks())
+    (bag / 'metadata.yaml').unlink()
+
+
 @cache
 def _of_many_topics() -> bytes:
     """Return an MCAP file with tens of thousands of topics."""
@@ -220,6 +260,8 @@ HARM: dict[str, tuple[str, str, Callable[[Path, Path], None]]] = {
         'length(zeroblob(999999999)) > 0), type TEXT)')),
     'schema that is no text': ('sqlite3', 'none', _schema_of_no_text),
     'huge message': ('sqlite3', 'zstd', _huge_message),
+    'many large messages': ('sqlite3', 'zstd', _many_large_messages),
+    'many large chunks': ('mcap', 'none', _many_large_chunks),
     'many topics': ('mcap', 'none', _many_topics),
     'aliases': ('mcap', 'none', _metadata(_bomb)),
     'aliases that are merged': ('mcap', 'none', _metadata(_merge_bomb)),

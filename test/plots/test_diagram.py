@@ -328,6 +328,24 @@ def test_what_would_be_a_stretch_without_length_is_a_dot(axes, y, dots):
     assert np.flatnonzero(panel.dots(line)).tolist() == dots
 
 
+@pytest.mark.parametrize('stiffness', [0.0, 50.0])
+def test_efforts_are_drawn_by_themselves_only_where_there_are_any(tmp_path, stiffness):
+    world = World.from_dict({
+        'world': {'contact': 'none'},
+        'bodies': [{'name': 'rod', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1}}],
+        'joints': [{'name': 'turn', 'type': 'revolute', 'parent': 'world', 'child': 'rod',
+                    'axis': [0, 1, 0], 'position': 0.3, 'pose': {'position': [0.3, 0, 0]},
+                    'spring': {'stiffness': stiffness}}]})
+    batch = Batch(world, tmp_path / 'bag')
+    batch.run(50)
+    batch.close()
+    usual, _ = make_diagram(str(tmp_path / 'bag'), (), (), 0.0, None)
+    titles = [panel.title for panel in usual.panels if panel.title.startswith('Joint')]
+    assert titles == ['Joint position', 'Joint velocity'] + ['Joint effort'] * (stiffness > 0.0)
+    chosen, _ = make_diagram(str(tmp_path / 'bag'), (), ['joint_effort'], 0.0, None)
+    assert len(chosen.panels) == 1
+
+
 def test_joints_are_drawn_as_they_were_published_turning_and_sliding_apart(tmp_path):
     link = {'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1}}
     world = World.from_dict({

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from odd_files import KINDS
 import pytest
 
 from rigid_sim_ros.scene import read_scene, scene_from_dict, scene_from_text, SceneError, yaml_tree
@@ -347,9 +348,17 @@ def test_a_missing_file_names_the_nearest_example() -> None:
                                 "'t_handle'?")
 
 
-def test_a_folder_is_not_a_scene(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match='is a folder, must be a scene file'):
-        read_scene(tmp_path)
+@pytest.mark.parametrize('kind, said', [
+    ('folder', 'a folder'), ('pipe', 'a pipe'), ('device', 'a device'),
+    ('ring of links', 'a link to nothing')])
+@pytest.mark.parametrize('name', ['scene.yaml', 'robot.urdf'])
+def test_what_is_no_file_is_called_what_it_is(tmp_path: Path, name: str, kind: str,
+                                              said: str) -> None:
+    path = tmp_path / name
+    KINDS[kind](path)
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    assert str(error.value) == f'{path}: is {said}, must be the file of a scene or a model'
 
 
 def test_a_file_that_is_not_text_is_not_a_scene(tmp_path: Path) -> None:

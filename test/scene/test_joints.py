@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints in scene files: what is read, and what is wrong with one."""
 
+from bag.hostile import limited_time
 import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.model import joints as engine
 from rigid_sim_ros.scene import scene_from_text, SceneError, schema
-from rigid_sim_ros.scene.joints import _starts
+from rigid_sim_ros.scene.joints import _check_mimic, _starts
 
 BODIES = """
 world: {contact: none}
@@ -169,6 +170,31 @@ def test_joints_that_mimic_one_another_may_be_more_than_python_calls_functions_d
     # Quarters of integers are exact.
     assert _starts([*chain, first]).tolist() == [
         1.0 + 0.25 * i for i in range(count, -1, -1)]
+
+
+def test_who_mimics_itself_by_way_of_others_is_named_with_all_who_follow():
+    turning = 'type: revolute, parent: world, child: arm, axis: [0, 1, 0]'
+    found = mistakes(*(f'name: {name}, {turning}, mimic: {{joint: {other}}}' for name, other in (
+        ('before', 'a'), ('a', 'b'), ('b', 'c'), ('c', 'a'), ('after', 'before'))),
+        f'name: free, {turning}', f'name: good, {turning}, mimic: {{joint: free}}')
+    assert found == [
+        f'joints[{i}].mimic.joint: {other!r} leads back to this joint, must not'
+        for i, other in enumerate(('a', 'b', 'c', 'a', 'before'))]
+
+
+@pytest.mark.parametrize('is_ring', [True, False])
+def test_to_follow_joints_that_follow_joints_takes_no_time(is_ring):
+    """Each is followed once: to go along a chain from each of its joints took its square."""
+    count = 40_000
+    joints = [schema.Joint(name=f'j{i}', type='revolute', parent='world', child='a',
+                           mimic={'joint': f'j{(i + 1) % count}'}) for i in range(count)]
+    if not is_ring:
+        joints[-1] = joints[-1].model_copy(update={'mimic': None})
+    others, known, found = {joint.name: joint for joint in joints}, {}, []
+    with limited_time():
+        for joint in joints:
+            _check_mimic(joint, others, known, lambda *problem: found.append(problem))
+    assert len(found) == (count if is_ring else 0)
 
 
 def test_a_child_is_brought_to_where_its_joint_wants_it_wherever_it_is_written():

@@ -47,9 +47,11 @@ def factor_semidefinite(S: Array, size: int, terms: Array, scale: Array, order: 
         S[k, k] = pivot
         for i in range(k + 1, size):
             S[i, k] /= pivot
-        for j in range(k + 1, size):
-            for i in range(j, size):
-                S[i, j] -= S[i, k] * S[j, k]
+        # What has nothing to do with k stays: of a chain of rows all but the next.
+        for i in range(k + 1, size):
+            if S[i, k] != 0.0:
+                for j in range(k + 1, i + 1):
+                    S[i, j] -= S[i, k] * S[j, k]
     return size
 
 

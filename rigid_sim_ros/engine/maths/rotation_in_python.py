@@ -11,6 +11,7 @@ from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import in_python
 
 add = in_python(vector.add)
+cross = in_python(vector.cross)
 from_matrix = in_python(rotation.from_matrix)
 multiply = in_python(rotation.multiply)
 rotate = in_python(rotation.rotate)

@@ -43,7 +43,8 @@ _LIVELINESS = {
 }
 
 # A queue is no part of what publishers and subscribers agree on. At least this many messages find
-# a place in it: after a stall, as while a file is decompressed, some are sent at once.
+# a place in it: what a subscriber misses that gets no time for a while is sent once more only as
+# long as it is in the queue. At 20 times the speed 100 messages of 100 Hz are 0.05 s.
 _LEAST_DEPTH = 1000
 _MOST_DEPTH = 10_000
 
