@@ -14,7 +14,8 @@ from rigid_sim_ros.engine.contact.carried_forces import copy_forces, match_force
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import Contacts, read_bodies, row_count
 from rigid_sim_ros.engine.contact.recorded_impulses import record
-from rigid_sim_ros.engine.detection.backtrack import deepest, first_event, first_passage
+from rigid_sim_ros.engine.detection.backtrack import deepest, first_passage
+from rigid_sim_ros.engine.detection.first_event import first_event
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
@@ -118,6 +119,9 @@ def apply_impulses(c: EventArguments) -> int:
             if why != DONE:
                 return why
     w.now.stage[0], w.now.group[0] = FORCES, 0
+    # Before forces are found that would not be used.
+    if w.now.collisions[0] > 0 and not _may_go(c):
+        _begin_anew(c)
     return DONE
 
 

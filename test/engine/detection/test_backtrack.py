@@ -8,7 +8,7 @@ from engine.touching import ball, box, EventScene, G, ground, Thing
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.detection import backtrack
+from rigid_sim_ros.engine.detection import backtrack, first_event as first_events
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.model.kinds.table import BOX
@@ -16,7 +16,8 @@ from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.kernels.kernel import in_python
 
 # To compile them takes longer than they take in Python.
-first_event, pairs_ahead = in_python(backtrack.first_event), in_python(backtrack.pairs_ahead)
+first_event = in_python(first_events.first_event)
+pairs_ahead = in_python(backtrack.pairs_ahead)
 
 
 def next_event(things, until, gravity=(0, 0, -G), allowed=(), backwards=False):
