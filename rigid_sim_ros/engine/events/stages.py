@@ -119,9 +119,6 @@ def apply_impulses(c: EventArguments) -> int:
             if why != DONE:
                 return why
     w.now.stage[0], w.now.group[0] = FORCES, 0
-    # Before forces are found that would not be used.
-    if w.now.collisions[0] > 0 and not _may_go(c):
-        _begin_anew(c)
     return DONE
 
 
