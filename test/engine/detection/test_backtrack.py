@@ -94,9 +94,9 @@ def test_which_pair_sinks_in_first_does_not_depend_on_their_order(backwards):
 
 
 def test_what_turns_fast_beside_a_wall_is_looked_at_few_times(monkeypatch):
-    # Half a millimetre above the ground as it stands upright. Its tips have 20 m/s, so the bound of
+    # Half a millimetre above the ground as it stands upright. Its tips have 20 m/s: the bound of
     # the speed tells of as little as 2.5e-5 s ahead, and it is looked at 240 times. Turning bends
-    # their ways by 800 m/s^2, so the normal tells of (8 gap / 800 m/s^2)^(1/2) = 2e-3 s: 64 times.
+    # their ways by 800 m/s^2: the normal tells of (8 gap / 800 m/s^2)^(1/2) = 2e-3 s, 64 times.
     looks, plain = [], first_event.__globals__['pair_gap']
     monkeypatch.setitem(first_event.__globals__['meeting'].__globals__, 'pair_gap',
                         lambda *given: looks.append(1) or plain(*given))
