@@ -324,7 +324,7 @@ def _near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
 @kernel
 def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, low: float,
              high: float, gap_low: float, gap_high: float, level: float, pose: Array,
-            scratch: Scratch) -> float:
+             scratch: Scratch) -> float:
     """
     Return the time in (low, high] [s] at which the gap of two shapes falls to `level` [m].
 
