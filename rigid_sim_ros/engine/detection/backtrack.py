@@ -3,13 +3,11 @@
 """
 When bodies meet.
 
-For each pair of shapes the gap is followed by conservative advancement: along the normal n the
-shapes cannot approach faster than a bound mu (motion_ahead.py), so they are apart until gap / mu
-has passed (Mirtich, Impulse-based Dynamic Simulation, PhD thesis, Berkeley 1996, section 2.3). No
-speed and no thinness makes a pair slip through. Where the gap changes its sign the time is found
-by the ITP method, which has the worst case of bisection and converges faster than the secant rule
-(Oliveira, Takahashi, An enhancement of the bisection method average performance, ACM Trans. Math.
-Softw. 47 (2021)).
+How far and how fast shapes move within a step has bounds (motion_ahead.py), by which
+first_event.py follows the gap of a pair. Where it changes its sign the time is found by the ITP
+method, which has the worst case of bisection and converges faster than the secant rule (Oliveira,
+Takahashi, An enhancement of the bisection method average performance, ACM Trans. Math. Softw. 47
+(2021)).
 """
 
 import math
@@ -125,68 +123,6 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
 
 
 @kernel
-def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
-            n: Vector, until: float, pose: Array, scratch: Scratch) -> float:
-    """
-    Return when [s] two shapes apart with the normal n first touch; inf: not before `until`.
-
-    `until` is also the time scale of the least advance.
-    """
-    t, least, level = 0.0, LEAST_ADVANCE * until, film(shapes, a, b)
-    gap -= level
-    while True:
-        back = (-n[0], -n[1], -n[2])
-        speed = (approach_bound(model, state, loads, shapes, a, n, until)
-                 + approach_bound(model, state, loads, shapes, b, back, until))
-        if speed * (until - t) < gap:
-            return math.inf
-        later = min(t + max(gap / speed, least), until)
-        then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
-        then -= level
-        if then <= 0.0:
-            return crossing(model, state, loads, shapes, a, b, t, later, gap + level, then + level,
-                            level, pose, scratch)
-        if later >= until:
-            return math.inf
-        t, gap = later, then
-
-
-@kernel
-def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs: IntArray,
-                count: int,
-                allowed: Array, overlap: float, until: float, pose: Array,
-                scratch: Scratch) -> tuple[float, int]:
-    """
-    Return when [s] the first of `count` pairs meets, and which; (until, -1) if none does.
-
-    allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0]
-    it may get during the step; it counts as an event when it is deeper than that in the end, or
-    where it could get through, and then from the time at which it got there. What is deeper
-    already may not get deeper by more than `overlap` of the smaller shape. `allowed` then holds
-    what was allowed.
-    """
-    best, which = until, -1
-    for k in range(count):
-        a, b = pairs[k, 0], pairs[k, 1]
-        gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
-        level = allowed[k]
-        if level < 0.0 or gap <= film(shapes, a, b):
-            # The points of a manifold may miss the deepest one by rounding, or by UNSEEN.
-            most = overlap * smaller(shapes, a, b)
-            level = min(level, gap - most, -most)
-            allowed[k] = level
-        if level == 0.0:
-            t = meeting(model, state, loads, shapes, a, b, gap, n, best, pose, scratch)
-            if t < best:
-                best, which = t, k
-            continue
-        t = _sinking(model, state, loads, shapes, a, b, gap, n, level, 0.0, until, pose, scratch)
-        if t < best:
-            best, which = t, k
-    return best, which
-
-
-@kernel
 def first_passage(model: Model, state: State, loads: Loads, shapes: Shapes, pairs: IntArray,
                   count: int, until: float, pose: Array,
                   scratch: Scratch) -> tuple[float, int]:
@@ -214,7 +150,7 @@ def passage(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b:
     """
     gap, n = pair_gap(model, state, loads, shapes, a, b, begin, pose, scratch)
     level = deepest(shapes, a, b, gap)
-    return _sinking(model, state, loads, shapes, a, b, gap, n, level, begin, until, pose, scratch)
+    return sinking(model, state, loads, shapes, a, b, gap, n, level, begin, until, pose, scratch)
 
 
 @kernel
@@ -224,9 +160,9 @@ def deepest(shapes: Shapes, a: int, b: int, gap: float) -> float:
 
 
 @kernel
-def _sinking(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
-             n: Vector, level: float, begin: float, until: float, pose: Array,
-             scratch: Scratch) -> float:
+def sinking(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
+            n: Vector, level: float, begin: float, until: float, pose: Array,
+            scratch: Scratch) -> float:
     """
     Return when [s] the gap of two shapes fell below a `level` [m, < 0]; inf: it did not.
 

@@ -120,3 +120,28 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
     if norm(tau) > 0.0:
         turning += _turning(model, state, shapes, s, scale(t, tau))
     return t * (speed + turning)
+
+
+@kernel
+def turning_bend(model: Model, state: State, loads: Loads, shapes: Shapes, s: int,
+                 t: float) -> float:
+    """
+    Return how fast [m/s^2] turning bends the ways of the points of shape s until t [s], at most.
+
+    |dw/dt x r + w x (w x r)|, where dw/dt = I^-1 (tau - w x L), and |w x L| is at most |L|^2 times
+    the difference of the largest and the least 1 / I.
+    """
+    i, reach = shapes.body[s], reach_of_turning(shapes, s)
+    if reach == 0.0:
+        return 0.0
+    if model.inv_m[i] == 0.0:
+        spin = norm(prescribed_spin(state, i))
+        return spin * _prescribed_turning(state, shapes, s) if spin > 0.0 else 0.0
+    L, tau, inv_I = column(state.L, i), column(loads.tau, i), column(model.inv_I_C, i)
+    most, least = max(inv_I[0], inv_I[1], inv_I[2]), min(inv_I[0], inv_I[1], inv_I[2])
+    long = norm(L) + t * norm(tau)
+    turning = _turning(model, state, shapes, s, L)
+    if norm(tau) > 0.0:
+        turning += _turning(model, state, shapes, s, scale(t, tau))
+    return (most * long * turning
+            + most * reach * (norm(tau) + (most - least) * long * long))

@@ -10,7 +10,7 @@ so that the search it saves would have found nothing either: a witness saves tim
 changes a manifold.
 """
 
-from rigid_sim_ros.engine.detection.support import box_reach, reach
+from rigid_sim_ros.engine.detection.support import box_reach, separation
 from rigid_sim_ros.engine.maths.algebra import dot, subtract
 from rigid_sim_ros.engine.maths.pose import origin, to_shape, to_world
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -42,12 +42,8 @@ def separates(pose: Array, shapes: Shapes, a: int, b: int, axis: Array, k: int,
     if axis[k, 3] == 0.0:
         return False
     n = to_world(pose, a, (axis[k, 0], axis[k, 1], axis[k, 2]))
-    hulls = shapes.hulls
-    reach_a = reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
-                    shapes.hull, a, n)
-    reach_b = reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
-                    shapes.hull, b, (-n[0], -n[1], -n[2]))
-    return -reach_a - reach_b > margin + CLEARLY * max(shapes.bound[a], shapes.bound[b])
+    apart = separation(pose, shapes, a, b, n)
+    return apart > margin + CLEARLY * max(shapes.bound[a], shapes.bound[b])
 
 
 @kernel

@@ -9,8 +9,8 @@ each group goes through its own step, with its own times, forces and budgets.
 
 Who may meet is found at the start of the step, from spheres around the shapes that are larger by
 how far these may move in it. That is a guess: it knows of no impulses. Where a shape is about to
-go farther, the step begins anew, with twice that way for the shape. What stands still belongs to
-no group, as it carries nothing from one to the other.
+go farther, it may go twice that way, and if two groups may meet then, the step begins anew. What
+stands still belongs to no group, as it carries nothing from one to the other.
 """
 
 from typing import NamedTuple
@@ -148,6 +148,30 @@ def find_groups(model: Model, state: State, shapes: Shapes, pose: Array, pairs: 
                 g.of[i] = g.of[first_of(g.root, i)]
     _list(g, count, shapes, pairs, found)
     return count, found
+
+
+@kernel
+def keep_groups(model: Model, state: State, loads: Loads, shapes: Shapes, count: int, pose: Array,
+                pairs: IntArray, g: Groups) -> bool:
+    """
+    List the pairs that may meet in what is left of the step, if all are within one group.
+
+    From where the shapes are now, which may go as far as `far` says less what they moved. `count`:
+    of groups. Returns False if two groups may meet, or there is no room in `pairs`.
+    """
+    for s in range(shapes.kind.shape[0]):
+        if g.of[shapes.body[s]] >= 0:
+            place_ahead(model, state, loads, shapes, s, 0.0, pose)
+        g.radius[s] = shapes.bound[s] + g.far[s] - g.moved[s]
+    found = pairs_near(model, shapes, pose, g.radius, g.scratch, g.order, pairs)
+    if found > pairs.shape[0]:
+        return False
+    for k in range(found):
+        of_a, of_b = g.of[shapes.body[pairs[k, 0]]], g.of[shapes.body[pairs[k, 1]]]
+        if of_a != of_b and min(of_a, of_b) >= 0:
+            return False
+    _list(g, count, shapes, pairs, found)
+    return True
 
 
 @kernel

@@ -14,7 +14,8 @@ from rigid_sim_ros.engine.contact.carried_forces import copy_forces, match_force
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import Contacts, read_bodies, row_count
 from rigid_sim_ros.engine.contact.recorded_impulses import record
-from rigid_sim_ros.engine.detection.backtrack import deepest, first_event, first_passage
+from rigid_sim_ros.engine.detection.backtrack import deepest, first_passage
+from rigid_sim_ros.engine.detection.first_event import first_event
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
@@ -22,7 +23,8 @@ from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
     Buffers, EventArguments, HELD, MORE_FORCES, MORE_PAIRS, STUCK)
 from rigid_sim_ros.engine.events.groups import (
-    find_groups, may_go, MET, near_pairs, note_way, NOTHING, reach_out, SANK, SHORTEST, WORKS)
+    find_groups, keep_groups, may_go, MET, near_pairs, note_way, NOTHING, reach_out, SANK,
+    SHORTEST, WORKS)
 from rigid_sim_ros.engine.events.impacts import (
     collide_group, find_points, look_near, PER_EVENT, PER_PAIR)
 from rigid_sim_ros.engine.events.move import move
@@ -145,9 +147,12 @@ def find_forces(c: EventArguments) -> int:
 def move_bodies(c: EventArguments) -> int:
     """Let the forces act in each group until its next pair meets, or its span is over."""
     _add_contact_loads(c)
-    if not _may_go(c):
-        _begin_anew(c)
-        return DONE
+    while not _may_go(c):
+        if not keep_groups(c.model, c.state, c.buffers.work.loads, c.shapes,
+                           c.buffers.now.groups[0], c.buffers.pose, c.buffers.pairs,
+                           c.buffers.groups):
+            _begin_anew(c)
+            return DONE
     _backtrack(c)
     _go(c)
     remember(c)

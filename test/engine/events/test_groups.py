@@ -80,6 +80,20 @@ def test_a_step_in_which_a_body_gets_farther_than_thought_begins_anew():
     assert scene.energy() == pytest.approx(energy, rel=1e-13)
 
 
+def test_what_gets_farther_than_thought_within_its_group_meets_what_is_there():
+    heavy, light, x = 1000.0, 1.0, (0.0, 2 * R + 0.02, 4 * R + 0.12)
+    # As above, along a plank 0.5 mm beside all three, which are one group by it from the start.
+    things = [ball(R, heavy, position=(x[0], 0, 0), velocity=(10.0, 0, 0)),
+              ball(R, light, position=(x[1], 0, 0)), ball(R, heavy, position=(x[2], 0, 0)),
+              box((1.0, 0.1, 0.1), heavy, position=(0.26, R + 0.0505, 0))]
+    scene = EventScene(things, Material(restitution=1.0), h=0.01, gravity=(0, 0, 0))
+    scene.step()
+    assert scene.work.buffers.now.tries[0] == 0
+    expected = on_a_line(x, [10.0, 0.0, 0.0], [heavy, light, heavy], 0.01)
+    assert scene.v[0, :3] == pytest.approx(expected, rel=1e-10)
+    assert (scene.v[:, 3] == 0.0).all()
+
+
 def on_a_line(x, v, m, t) -> list[float]:
     """Return the velocities of elastic balls on a line after t, shock by shock."""
     while True:
