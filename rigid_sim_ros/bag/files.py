@@ -26,12 +26,12 @@ ZSTD = '.zstd'
 
 # [bytes] What is compressed may grow to LARGEST, or to _GROWTH times its size: a chunk is some
 # MB, and states that repeat shrink to a tenth. A few kB that grow to a GB are meant to harm.
-LARGEST = 64 << 20
+LARGEST = 32 << 20
 _GROWTH = 16
 # The same of all pieces of a file together, and of a file that is compressed as a whole: what is
 # read piece by piece takes time, and room on the disk, but no memory.
-_LARGEST_FILE = 4 * LARGEST
-_FILE_GROWTH = 256
+_LARGEST_FILE = 8 * LARGEST
+_FILE_GROWTH = 64
 
 _PIECE = 1 << 20
 

@@ -189,9 +189,9 @@ def _many_large_messages(bag: Path, outside: Path) -> None:
 
 @cache
 def _of_many_large_chunks() -> bytes:
-    """Return an MCAP file of a thousand chunks of 60 MB each."""
+    """Return an MCAP file of a thousand chunks of 30 MB each."""
     with tempfile.TemporaryDirectory() as folder:
-        size = 60 << 20
+        size = 30 << 20
         path = foreign.mcap(Path(folder, 'large.mcap'), [(10 ** 9, '/chat', bytes(size))],
                             compression=foreign.CompressionType.ZSTD)
         whole = path.read_bytes()
