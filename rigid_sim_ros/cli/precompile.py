@@ -95,12 +95,18 @@ def _compile(scene: Scene) -> None:
 
 
 def _kinds() -> dict[str, dict[str, str]]:
-    """Return `world` of a scene, by a name, for each way in which a world can step."""
+    """
+    Return `world` of a scene, by a name, for each way in which a world can step.
+
+    Those that take longest come first, so that no core waits for the last one.
+    """
     kinds = [{'contact': contact} | ({'solver': solver} if solver else {})
              for contact, solver in CONTACT_MODELS if contact != 'none']
     kinds += [{'contact': 'none', 'integrator': name} for name in FREE_MOTION]
     named = {' '.join(kind.values()): kind for kind in kinds} | {_ALONE: {'contact': 'timestep'}}
-    return named | {name + _WITH_JOINTS: {'contact': name} for name in ('none', *JOINTED_MODELS)}
+    jointed = {name: {'contact': name} for name in (*JOINTED_MODELS, 'none')}
+    jointed |= {'symplectic4': {'contact': 'none', 'integrator': 'symplectic4'}}
+    return {name + _WITH_JOINTS: kind for name, kind in jointed.items()} | named
 
 
 def _with_all(kind: dict[str, str]) -> dict[str, Any]:

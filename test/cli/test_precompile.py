@@ -88,7 +88,7 @@ def test_a_scene_that_was_compiled_is_not_compiled_again(tmp_path: Path) -> None
 
 def test_after_all_was_compiled_no_scene_is_compiled(tmp_path: Path) -> None:
     said = run('-m', 'rigid_sim_ros', 'compile')
-    assert '13/13' in said
+    assert '15/15' in said
     examples = [path.stem for path in
                 (Path(rigid_sim_ros.__file__).parent / 'example_scenes').glob('*.yaml')]
     own = [scene(tmp_path, model, restitution) for model in MODELS for restitution in (0.0, 0.5)]

@@ -158,9 +158,9 @@ def test_balls_leave_untouched_what_only_others_need():
 
 
 def test_a_box_at_rest_keeps_its_points_and_updates_their_gaps():
-    scene = on_a_plane()
+    scene = Scene([CUBE, CUBE], [((0, 0, 0), UPRIGHT), ((0, 0, 1 - 1e-4), UPRIGHT)], fixed=[0])
     scene.detect()
-    scene.put(1, (1e-6, 0, 0.5 - 1.05e-4))
+    scene.put(1, (1e-6, 0, 1 - 1.05e-4))
     (row,) = scene.rows()
     assert scene.memory.counters[RECYCLED] == 1
     assert row['gap'] == pytest.approx(-1.05e-4, abs=1e-15)
