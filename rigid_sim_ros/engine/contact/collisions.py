@@ -35,6 +35,8 @@ from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
 ALIKE = 1e-6
 # Pairs of a body that touch within this part of a step touch at the same time.
 AT_ONCE = 1e-6
+# Times of a pair that differ by less than this part of a step are the same: that is rounding.
+SAME = 1e-13
 # What approaches slower does not bounce: this part of what the forces make of rest within a step,
 # and in a step this part of the size of the smaller shape, where no force acts.
 SLOWEST, STILL = 0.1, 1e-8
@@ -110,7 +112,7 @@ def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, sha
                 count = _choose_together(h, inv_m, k, candidates, manifolds, work)
                 collisions += _collide(inv_m, inv_I_C, state, shapes, materials, manifolds, count,
                                        normal_impulse, friction_impulse, work)
-                _seek_later(h, state, shapes, manifolds, count, work)
+                _seek_again(h, state, shapes, manifolds, count, work)
                 done = True
         if not done:
             break
@@ -260,21 +262,21 @@ def _acted(k: int, points: int, work: CollisionWork) -> bool:
 
 
 @kernel
-def _seek_later(h: float, state: State, shapes: Shapes, manifolds: Manifolds, count: int,
+def _seek_again(h: float, state: State, shapes: Shapes, manifolds: Manifolds, count: int,
                 work: CollisionWork) -> None:
     """
-    Find a later time for those of the chosen pairs that had no impulse; NEVER if there is none.
+    Find another time for those of the chosen pairs that had no impulse; NEVER if there is none.
 
     The angular velocity of a body that precesses is that of the collision by now: with it a point
-    may touch later than with that of the start, or not at all.
+    may touch at another time than with that of the start, or not at all.
     """
     for k in range(count):
         i = work.together[k]
         r = work.rows[i] & INDEX
         if not _acted(k, manifolds.points[r], work):
-            later = _touch(h, state.x, shapes.kind, shapes.size, manifolds,
-                           _size(shapes, manifolds, r), r, work)
-            work.time[i] = later if later > work.time[i] + AT_ONCE * h else NEVER
+            time = _touch(h, state.x, shapes.kind, shapes.size, manifolds,
+                          _size(shapes, manifolds, r), r, work)
+            work.time[i] = time if abs(time - work.time[i]) > SAME * h else NEVER
 
 
 @inlined
