@@ -51,8 +51,8 @@ def test_a_heap_of_all_shapes_comes_to_rest(seed):
 
 
 # Here what collided stopped instead of bouncing: its points seemed apart at the time of the
-# touch, or near again, by the levers of an attitude that it had left; or found no point at the time
-# of the touch, which the spin of that time puts a millionth of a step later (187).
+# touch, or near again, by the levers of an attitude that it had left; or no point was found at the
+# time of the touch, which the spin of that time puts a millionth of a step later (187).
 @pytest.mark.parametrize('seed', [22, 74, 187])
 def test_what_turns_fast_bounces_without_loss(seed):
     assert not breaches('elastic', 'timestep', [seed])
