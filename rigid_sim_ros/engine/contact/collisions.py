@@ -470,9 +470,11 @@ def _write_pair(kind: IntArray, manifolds: Manifolds, r: int, k: int, normal_imp
         # The manifold has the normal from the start of the step.
         before = row(manifolds.normal, r)
         J = add_scaled(J, work.impulse[k, 0], row(work.pair.normal, k))
-        work.impulse[k, 0] = dot(J, before)
-        J = add_scaled(J, -work.impulse[k, 0], before)
-    for p in range(manifolds.points[r]):
-        normal_impulse[p, r] += work.impulse[k, p]
+        along = dot(J, before)
+        J = add_scaled(J, -along, before)
+        normal_impulse[0, r] += along
+    else:
+        for p in range(manifolds.points[r]):
+            normal_impulse[p, r] += work.impulse[k, p]
     for j in range(3):
         friction_impulse[r, j] += J[j]
