@@ -52,8 +52,8 @@ class Field(NamedTuple):
 
 
 # z bodies that nothing pushes; r wrenches; c manifolds with p points, k of them polyhedra with m
-# points; d forces, b bristles; J joints that hold R bodies with K axes, C conditions of loops; t
-# pieces of trajectories.
+# points; d forces, b bristles; J joints that hold R bodies with K axes, C conditions of loops; P
+# steps, or stages of them, whose curvature is remembered; t pieces of trajectories.
 TABLE: dict[str, Field] = {
     'x': Field((3, 'n')),
     'q': Field((4, 'n')),

@@ -106,6 +106,17 @@ def _turning(model: Model, state: State, shapes: Shapes, s: int, L: Vector) -> f
 
 
 @kernel
+def _most_turning(model: Model, state: State, loads: Loads, shapes: Shapes, s: int,
+                  t: float) -> float:
+    """Return how fast [m/s] turning moves the surface of shape s until t [s], at most."""
+    L, tau = column(state.L, shapes.body[s]), column(loads.tau, shapes.body[s])
+    turning = _turning(model, state, shapes, s, L)
+    if norm(tau) > 0.0:
+        turning += _turning(model, state, shapes, s, scale(t, tau))
+    return turning
+
+
+@kernel
 def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int,
                  t: float) -> float:
     """Return how far [m] any point of shape s can move within t [s], at most."""
@@ -115,11 +126,7 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
             return 0.0
         return t * (norm(prescribed_velocity(state, i)) + _prescribed_turning(state, shapes, s))
     speed = model.inv_m[i] * (norm(column(state.P, i)) + t * norm(column(loads.F, i)))
-    L, tau = column(state.L, i), column(loads.tau, i)
-    turning = _turning(model, state, shapes, s, L)
-    if norm(tau) > 0.0:
-        turning += _turning(model, state, shapes, s, scale(t, tau))
-    return t * (speed + turning)
+    return t * (speed + _most_turning(model, state, loads, shapes, s, t))
 
 
 @kernel
@@ -140,8 +147,5 @@ def turning_bend(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
     L, tau, inv_I = column(state.L, i), column(loads.tau, i), column(model.inv_I_C, i)
     most, least = max(inv_I[0], inv_I[1], inv_I[2]), min(inv_I[0], inv_I[1], inv_I[2])
     long = norm(L) + t * norm(tau)
-    turning = _turning(model, state, shapes, s, L)
-    if norm(tau) > 0.0:
-        turning += _turning(model, state, shapes, s, scale(t, tau))
-    return (most * long * turning
+    return (most * long * _most_turning(model, state, loads, shapes, s, t)
             + most * reach * (norm(tau) + (most - least) * long * long))

@@ -33,9 +33,9 @@ def take_in_stages(c: JointedArguments, h: float, last: bool, may_end: bool,
         c.scratch.known[STAGE] = n + 1
         if not _take_stage(c, STAGES[n] * h, record):
             c.scratch.known[STAGE] = 0
-            resolved = not is_smooth(c.table, c.motion, c.scratch, c.model.h)
+            too_long = is_smooth(c.table, c.motion, c.scratch, c.model.h)
             _go_back(c)
-            if not resolved and MOST_PARTS * h > c.model.h:
+            if too_long and MOST_PARTS * h > c.model.h:
                 return 0.0
             until = take_part(c, h, last, may_end, record)
             c.motion.known[0] = 0   # nothing yet of stages

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What redundant supports bear: the smallest forces, which are symmetric where the scene is."""
 
-from effort import examples
 from hypothesis import assume, given, strategies as st
 import numpy as np
 import pytest
@@ -42,7 +41,6 @@ def test_tiles_share_what_lies_on_their_corner(board):
     assert on_pads('timestep', board, tiles, 0.5, 0.001) == pytest.approx([0.25] * 4, abs=1e-3)
 
 
-@examples(25)
 @given(st.lists(st.floats(0.1, 0.4), min_size=2, max_size=5), st.floats(0.0, 1.0),
        st.sampled_from([0.001, 1 / 240]))
 def test_redundant_supports_bear_as_much_in_both_models(gaps, mu, h):
