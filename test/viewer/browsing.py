@@ -168,7 +168,7 @@ class Page:
         Return what is shown beside the controls.
 
         The browser's own picture, packed quickly: `screenshot` of Playwright also changes the page
-        before and after, and it all takes three times the time of the processor.
+        before and after, and a look then takes more than twice the time of the processor.
         """
         answer = self._tools.send('Page.captureScreenshot',
                                   {'format': 'png', 'optimizeForSpeed': True})
