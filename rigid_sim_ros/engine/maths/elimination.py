@@ -19,38 +19,40 @@ def factor_linear(K: Array, last: IntArray, order: IntArray) -> bool:
     _find_last(K, last, size)
     for i in range(size):
         order[i] = i
+    p = _pivot(K, 0, size)
     for k in range(size):
-        p = _eliminate(K, k, last, size)
-        if p < 0:
+        if K[p, k] == 0.0:
             return False
         order[k], order[p] = order[p], order[k]
+        p = _eliminate(K, k, p, last, size)
     return True
 
 
 @kernel
-def _eliminate(K: Array, k: int, last: IntArray, size: int) -> int:
+def _eliminate(K: Array, k: int, p: int, last: IntArray, size: int) -> int:
     """
-    Take column k out of the rows below the largest of its entries, which comes to place k.
+    Take column k out of the rows below that of its pivot, which comes from place p to k.
 
-    The factors stay in that column. Returns from where that row came, -1 if it is all zeros.
+    The factors stay in that column. Returns the row of the next pivot, which is known when the
+    rows are: columns are not contiguous, and going through one more takes long.
     """
-    p = _pivot(K, k, size)
-    if K[p, k] == 0.0:
-        return -1
     if p != k:
         for j in range(max(last[k], last[p]) + 1):
             K[k, j], K[p, j] = K[p, j], K[k, j]
         last[k], last[p] = last[p], last[k]
-    end = last[k] + 1
+    end, pivot, largest, best = last[k] + 1, K[k, k], -1.0, k + 1
     for i in range(k + 1, size):
-        if K[i, k] != 0.0:
-            factor = K[i, k] / K[k, k]
-            K[i, k] = factor
+        line = K[i]
+        if line[k] != 0.0:
+            factor = line[k] / pivot
+            line[k] = factor
             last[i] = max(last[i], last[k])
-            source, target = K[k][k + 1:end], K[i][k + 1:end]
+            source, target = K[k][k + 1:end], line[k + 1:end]
             for j in range(target.shape[0]):
                 target[j] -= factor * source[j]
-    return p
+        if k + 1 < size and abs(line[k + 1]) > largest:
+            best, largest = i, abs(line[k + 1])
+    return best
 
 
 @kernel
