@@ -14,9 +14,10 @@ from rigid_sim_ros.kernels.eight import LANES
 
 EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
 # [rad, or lengths of the articulation] Joints are closed to this. Ten times more would show in
-# energies after a minute, ten times less cost one more round. Far from the origin it is a share of the distance: a joint is
-# a difference of two positions, each rounded to 2^-53 of it, and of a quadruped 1 to 100 km away
-# rounds of SHAKE were seen to leave 4 times that. What is asked for less is never reached.
+# energies after a minute, ten times less cost one more round. Far from the origin it is a share of
+# the distance: a joint is a difference of two positions, each rounded to 2^-53 of it, and of a
+# quadruped 1 to 100 km away rounds of SHAKE were seen to leave 4 times that. What is asked for
+# less is never reached.
 TOLERANCE, ROUNDED = 1e-13, 8.0 * 2.0 ** -53
 # Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only
 # that satisfies the conditions beside its tree.
