@@ -133,9 +133,9 @@ class Joining:
             return
         gap = self._joints.join(self._state, position, given, rate)
         if not gap <= CLOSED:
-            raise ValueError(f"joint '{named[new[0]].name}': {gap:.3g} m or rad are left where it "
-                             'and the other joints are to meet, must be closed: begin from '
-                             'another pose of the bodies')
+            raise ValueError(f"joint '{named[new[0]].name}': {gap:.3g} rad, or of the length "
+                             'of the articulation, are left where it and the other joints are to '
+                             'meet, must be closed: begin from another pose of the bodies')
 
     def _wanted(self, joint: schema.Joint, position: np.ndarray) -> float:
         """Return the position at which a joint that comes begins."""

@@ -171,8 +171,9 @@ class WithJoints(Commanded):
             self._take_back(before)
             told = ', '.join(f"position {p:g} of joint '{name}'"
                              for name, (_, _, p, _) in zip(goals, found, strict=True))
-            raise ValueError(f'{told}: its loop cannot close there, {gap:.3g} m or rad are left; '
-                             'must be one that it can reach')
+            raise ValueError(f'{told}: its loop cannot close there, {gap:.3g} rad, or of '
+                             'the length of the articulation, are left; must be one that it '
+                             'can reach')
         self._motion_is_current = False
         return [(p, v) for *_, p, v in found]
 

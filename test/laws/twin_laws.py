@@ -142,15 +142,19 @@ def _scaled(value: Any, factor: float, key: str = '') -> Any:
 
 
 def scaled(rng: Generator, scene: Scene) -> Twin:
+    """Scale by a power of 4 with which sizes and steps are those that users have."""
+    factors = [4.0 ** k for k in (-3, -2, -1, 1, 2, 3)
+               if 1e-3 <= scene.size * 4.0 ** k <= 1e2 and 1e-4 <= scene.h * 2.0 ** k <= 1 / 60]
+    return scaled_by(scene, float(rng.choice(factors)) if factors else 1.0)
+
+
+def scaled_by(scene: Scene, s: float) -> Twin:
     """
     Scale lengths by s, masses by s^3, times by sqrt(s); gravity stays.
 
-    s is a power of 4, so that all of it is exact in binary: the sums are the same to the bit.
+    With a power of 4 all of it is exact in binary: the sums are the same to the bit.
     """
     # The stiffness of a spring k goes with m g / size: s^2 for masses s^3.
-    factors = [4.0 ** k for k in (-3, -2, -1, 1, 2, 3)
-               if 1e-3 <= scene.size * 4.0 ** k <= 1e2 and 1e-4 <= scene.h * 2.0 ** k <= 1 / 60]
-    s = float(rng.choice(factors)) if factors else 1.0
     powers = np.repeat([1.0, 0.0, 0.5, -0.5], [3, 4, 3, 3])
     spec = _scaled({key: part for key, part in scene.spec.items()
                     if key not in ('joints', 'forces')}, s)

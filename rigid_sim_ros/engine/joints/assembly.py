@@ -26,7 +26,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 # Newton's method squares the gap in each round: a loop that needs more than these cannot close.
 _ROUNDS = 60
 _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-# [m or rad] The most by which bodies are moved in a round, so that loops close the near way.
+# [rad, or lengths of an articulation] The most by which bodies are moved in a round, so that loops
+# close the near way.
 _STRIDE = 0.2
 
 
@@ -34,7 +35,9 @@ _STRIDE = 0.2
 def assemble(model: Model, table: JointTable, state: State, motion: JointMotion, work: JointWork,
              position: Array, given: IntArray) -> float:
     """
-    Put the bodies where the coordinates (j,) say, and close the loops; return the gap left.
+    Put the bodies where the coordinates (j,) say, and close the loops.
+
+    Returns the gap left, an angle [rad] or a way over the length of the articulation.
 
     Axes with a 1 in given (k,) keep their coordinate; the others may change so that loops close,
     as little as the masses want. Velocities and angular velocities stay what they are.
@@ -46,15 +49,14 @@ def assemble(model: Model, table: JointTable, state: State, motion: JointMotion,
     gap = math.inf
     for _ in range(_ROUNDS):
         _prepare(model, table, state, work, position, given)
-        gap, articulations = 0.0, table.first_row.shape[0] - 1
+        gap, closed, articulations = 0.0, True, table.first_row.shape[0] - 1
         for g in range(articulations):
             off = measure(table, state, motion, work, False, g)
-            gap = gap if off <= gap else off
-        if gap <= work.tolerance[0] or not gap < math.inf:
+            gap, closed = gap if off <= gap else off, closed and off <= work.tolerance[g]
+            # A change in a time of 1 s is the way itself.
+            ask_back(table, work, max(1.0, off / _STRIDE), g)
+        if closed or not gap < math.inf:
             break
-        # A change in a time of 1 s is the way itself.
-        for g in range(articulations):
-            ask_back(table, work, max(1.0, gap / _STRIDE), g)
         solve(table, work, 0, table.body.shape[0], False, True)
         close(model, table, state, work, False)
         for g in range(articulations):

@@ -13,10 +13,11 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import LANES
 
 EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
-# [m] and [rad] Joints are closed to this. Ten times more would show in energies after a minute,
-# ten times less cost one more round. Far from the origin it is a share of the distance: a joint is
-# a difference of two positions, each rounded to 2^-53 of it, and of a quadruped 1 to 100 km away
-# rounds of SHAKE were seen to leave 4 times that. What is asked for less is never reached.
+# [rad, or lengths of the articulation] Joints are closed to this. Ten times more would show in
+# energies after a minute, ten times less cost one more round. Far from the origin it is a share of
+# the distance: a joint is a difference of two positions, each rounded to 2^-53 of it, and of a
+# quadruped 1 to 100 km away rounds of SHAKE were seen to leave 4 times that. What is asked for
+# less is never reached.
 TOLERANCE, ROUNDED = 1e-13, 8.0 * 2.0 ** -53
 # Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only
 # that satisfies the conditions beside its tree.
@@ -161,7 +162,12 @@ class JointWork(NamedTuple):
     inv_D: Array    # (k,) 1 / (s . U + extra); 0 for an axis that is LOCKED
     extra: Array    # (k,) what armature and implicit forces add
     tau: Array      # (k,) impulse along the axis
-    tolerance: Array    # (1,) [m] and [rad] to which joints are closed at the present poses
+    # (a,) [m] of each articulation: its longest lever, or radius of gyration of a body. What
+    # joints are off in metres counts as an angle on that lever, whatever size all is of.
+    length: Array
+    tolerance: Array    # (a,) [rad] to which joints are closed at the present poses
+    unit: Array     # (k,) 1 [rad], or that length [m], in which positions along an axis are told
+    near: Array     # (k,) [rad or m] the tolerance in that unit
     known: IntArray     # (4,) see FACTORED
     factored_locked: IntArray   # (k,) what `locked` and `extra` were when A, U, D were written
     factored_extra: Array       # (k,)
@@ -173,8 +179,8 @@ class JointWork(NamedTuple):
     V: Array        # (r, 6) motion of the bodies
     base: Array     # (r, 6) motion of what a row hangs on, at its reference point
     error: Array    # (r, 6) of the joints' conditions
-    # (3,) of the articulation measured last: the squares of its longest lever [m], and of the
-    # largest way [m] and angle [rad] in `error`
+    # (2,) of the articulation measured last: the squares of the largest way [m] and angle [rad]
+    # in `error`
     largest: Array
     curved: Array   # (r, 6) c / h of the present step
     x: Array        # (r, 3) poses at the start of the substep
@@ -193,12 +199,12 @@ class JointWork(NamedTuple):
 def make_joint_work(table: JointTable) -> JointWork:
     """Return scratch memory for the joints of a table."""
     j, r, k = len(table.kind), len(table.body), len(table.translates)
-    z = np.zeros
+    a, z = len(table.first_row) - 1, np.zeros
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
-        z(k), z(k), np.full(1, TOLERANCE), z(4, dtype=np.int64), z(k, dtype=np.int64), z(k),
+        z(k), z(k), z(a), z(a), z(k), z(k), z(4, dtype=np.int64), z(k, dtype=np.int64), z(k),
         z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z(3), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
+        z(2), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),
         AnswerWork(z(r, dtype=np.int64), z(6 * LANES * r), z(LANES * k), z(6 * LANES * r),
                    z(LANES * k)),

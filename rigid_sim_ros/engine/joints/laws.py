@@ -65,7 +65,7 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         law.stick[k] = -law.bend[k]
         _bound_forces(table, motion, work, k, h)
         # What is to meet a limit begins free: the rate that it would have tells how fast it comes.
-        far, is_free = work.tolerance[0] / abs(h), law.high[k] > law.low[k]
+        far, is_free = work.near[k] / abs(h), law.high[k] > law.low[k]
         if is_free and v <= law.low[k] < -far:
             _go_to(work, k, law.low[k], 1)
         elif is_free and v >= law.high[k] > far:
@@ -175,9 +175,9 @@ def impact_laws(table: JointTable, motion: JointMotion, work: JointWork) -> None
         q = motion.position[table.axis_joint[k]]
         law.before[k], law.half_rate[k], law.bent[k] = q, motion.rate[k], 0.0
         law.back[k], law.bound[k] = -law.share[k] * motion.rate[k], law.met[k]
-        if q <= laws.lower[k] + work.tolerance[0]:
+        if q <= laws.lower[k] + work.near[k]:
             law.bound[k] |= AT_LOWER
-        if q >= laws.upper[k] - work.tolerance[0]:
+        if q >= laws.upper[k] - work.near[k]:
             law.bound[k] |= AT_UPPER
     end_laws(table, motion, work, 0.0)
 

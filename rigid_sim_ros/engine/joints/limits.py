@@ -26,7 +26,8 @@ SHARP = 1e-9
 # Of a step: no way is shorter, as joints that close to a tolerance of the position then have no
 # velocity that means anything.
 SHORTEST = 1.0 / 1024.0
-# [m or rad] What is at its limit, and would pass it by more than this in a step, has just arrived.
+# [rad, or lengths of the articulation] What is at its limit, and would pass it by more than this
+# in a step, has just arrived.
 PASSES = 1e-9
 # Of what joints are closed to: so near to its limit an axis is there.
 NEAR = 10.0
@@ -76,14 +77,15 @@ def release_hits(table: JointTable, work: JointWork, h: float) -> bool:
 @kernel
 def note_arrived(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> bool:
     """Note which axes have met a limit just as the step before ended, of h [s]; return if any."""
-    laws, near, found = table.laws, NEAR * work.tolerance[0], False
+    laws, found = table.laws, False
     for k in range(table.has_laws.shape[0]):
         if table.has_laws[k] == 0:
             continue
         q, way = motion.position[table.axis_joint[k]], h * motion.rate[k]
-        if way < -PASSES and q <= laws.lower[k] + near:
+        near, passes = NEAR * work.near[k], PASSES * work.unit[k]
+        if way < -passes and q <= laws.lower[k] + near:
             work.law.share[k], work.law.met[k], found = laws.restitution[k], AT_LOWER, True
-        elif way > PASSES and q >= laws.upper[k] - near:
+        elif way > passes and q >= laws.upper[k] - near:
             work.law.share[k], work.law.met[k], found = laws.restitution[k], AT_UPPER, True
     return found
 

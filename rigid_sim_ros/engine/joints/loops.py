@@ -286,7 +286,7 @@ def _close_by_missing(table: JointTable, work: JointWork, g: int) -> None:
 @kernel
 def measure_conditions(table: JointTable, state: State, motion: JointMotion, work: JointWork,
                        g: int) -> float:
-    """Write how the conditions of articulation g are off; return the largest of these numbers."""
+    """Write how the conditions of articulation g are off; return the largest as an angle [rad]."""
     worst = 0.0
     for m in range(table.first_condition[g], table.first_condition[g + 1]):
         j = table.condition_joint[m]
@@ -299,8 +299,18 @@ def measure_conditions(table: JointTable, state: State, motion: JointMotion, wor
             # The rows of the start of the step, not of its end: they are the same to first order.
             e = product(six(work.loop.direction, m), joint_error(table, state, j))
         work.loop.off[m] = e
-        worst = worst if abs(e) <= worst else abs(e)
+        off = abs(e) / condition_unit(table, work, m, g)
+        worst = worst if off <= worst else off
     return worst
+
+
+@inlined
+def condition_unit(table: JointTable, work: JointWork, m: int, g: int) -> float:
+    """Return 1 [rad], or the length [m] of articulation g where condition m is kept in metres."""
+    if table.condition_place[m] == MIMIC:
+        return work.unit[table.coupled_axis[m, 0]]
+    d = six(work.loop.direction, m)
+    return work.length[g] if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0.0 else 1.0
 
 
 @kernel

@@ -15,6 +15,7 @@ from rigid_sim_ros.engine.joints.laws import (
     begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of, speed_along)
 from rigid_sim_ros.engine.joints.loops import close, factor_conditions, place_conditions
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, six
+from rigid_sim_ros.engine.maths.vector import dot, row
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -50,19 +51,29 @@ def place(model: Model, table: JointTable, state: State, work: JointWork) -> Non
     """Write where everything is at the present poses, of which nothing else is known then."""
     work.known[FACTORED] = work.known[FELT] = work.known[SOLVED] = 0
     place_joints(model, table, state, work)
-    work.tolerance[0] = max(TOLERANCE, ROUNDED * _farthest(table, state))
+    for g in range(table.first_row.shape[0] - 1):
+        _write_units(model, table, state, work, g)
     if table.condition_joint.shape[0] > 0:
         place_conditions(model, table, state, work)
 
 
 @kernel
-def _farthest(table: JointTable, state: State) -> float:
-    """Return the largest coordinate [m] of the bodies that joints hold."""
-    farthest = 0.0
-    for body in table.body:
+def _write_units(model: Model, table: JointTable, state: State, work: JointWork, g: int) -> None:
+    """Write the length of articulation g, and to what its joints are closed: TOLERANCE."""
+    square, farthest = 0.0, 0.0
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    for i in range(begin, end):
+        body, com, arm = table.body[i], row(work.com, i), row(work.arm, i)
+        square = max(square, dot(com, com), dot(arm, arm))
         for n in range(3):
+            square = max(square, model.I_C[n, body] / model.m[body])
             farthest = max(farthest, abs(state.x[n, body]))
-    return farthest
+    length = math.sqrt(square)
+    tolerance = max(TOLERANCE, ROUNDED * farthest / length)
+    work.length[g], work.tolerance[g] = length, tolerance
+    for k in range(table.first_axis[begin], table.first_axis[end]):
+        work.unit[k] = length if table.translates[k] == 1 else 1.0
+        work.near[k] = tolerance * work.unit[k]
 
 
 @kernel
@@ -262,7 +273,7 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork) -> None:
             law.target[k] = table.laws.upper[k]
         if law.bound[k] != 0:
             law.back[k] = _rebound(table, motion, work, k)
-            if abs(law.target[k] - law.before[k]) <= 10.0 * work.tolerance[0]:
+            if abs(law.target[k] - law.before[k]) <= 10.0 * work.near[k]:
                 law.approach[k] = 0.0   # it was there: it meets nothing on this way
         elif v == law.stick[k]:
             if not was_held:

@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.joints.buffers import (
     JointMotion, JointWork, LOCKED, PAST, STAGE, STIFF, UNLOCKED)
 from rigid_sim_ros.engine.joints.joint_coordinates import joint_error, joint_position
 from rigid_sim_ros.engine.joints.laws import follows_way
-from rigid_sim_ros.engine.joints.loops import close_one, measure_conditions
+from rigid_sim_ros.engine.joints.loops import close_one, condition_unit, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, Six, six
@@ -31,15 +31,19 @@ from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 # A round leaves a part of the error that is proportional to the angle of the fastest body in the
 # step: 0.1 to 0.6 times that was seen, more where the fastest body is the lightest by far. So a
-# last round need not be measured that is known to leave less than _UNSEEN [m or rad].
+# last round need not be measured that is known to leave less than _UNSEEN [rad]; metres are over
+# the length of the articulation here.
 # Where it leaves less than _NEAR the bodies are moved on by what the correction does to first
 # order: so far their poses may be from where their momenta would have brought them, but the joints
 # are measured, and closed, there.
 _LEFT, _UNSEEN, _NEAR = 4.0, 2e-13, 1e-10
-_SHORTEST = 1e-3    # [m] a lever counts as this much longer, so that none is 0
-# [rad/s or m/s] and as a part: less than this beyond its piece a rate is on it.
-_PIECE_SLACK = 1e-9
-# [m or rad] No axis that is STIFF yields by more: errors of the steps before, over short levers.
+# Of the length of an articulation: a lever counts as this much longer, so that none is 0.
+_SHORTEST = 1e-3
+# As a part, and of what a way is known to in a step: less than this beyond its piece a rate is on
+# it.
+_PIECE_SLACK, _WAY_SLACK = 1e-9, 10.0
+# [rad, or lengths of the articulation] No axis that is STIFF yields by more: errors of the steps
+# before, over short levers.
 YIELDING = 1e-9
 # Of the error, in angles: a step of which the first round leaves more is taken in halves. That is
 # a matter of h |w|, not of how large all is or how well the error was expected. With twice as much
@@ -84,14 +88,14 @@ def shift_poses(table: JointTable, state: State, work: JointWork, h: float, g: i
 def measure(table: JointTable, state: State, motion: JointMotion, work: JointWork,
             yields: bool, g: int) -> float:
     """
-    Write how the joints of articulation g are off; return the largest number among these.
+    Write how the joints of articulation g are off; return the largest of it as an angle [rad].
 
-    yields: but for axes that are STIFF, off from where they are locked by YIELDING at most.
+    Metres are over its length. yields: but for axes that are STIFF, off from where they are locked
+    by YIELDING at most.
     """
-    worst, lever, way, angle = measure_conditions(table, state, motion, work, g), 0.0, 0.0, 0.0
+    worst, way, angle = measure_conditions(table, state, motion, work, g), 0.0, 0.0
     for i in range(table.first_row[g], table.first_row[g + 1]):
-        j, com, arm = table.joint[i], row(work.com, i), row(work.arm, i)
-        lever = max(lever, dot(com, com), dot(arm, arm))
+        j = table.joint[i]
         if j == NONE:
             continue
         e = joint_error(table, state, j)
@@ -104,18 +108,26 @@ def measure(table: JointTable, state: State, motion: JointMotion, work: JointWor
                 if target < math.inf:
                     astray = joint_position(table, state, j, target) - target
                 work.law.astray[k] = astray
-                if yields and work.locked[k] == STIFF and abs(astray) <= YIELDING:
+                off = abs(astray) / work.unit[k]
+                if yields and work.locked[k] == STIFF and off <= YIELDING:
                     continue
-                worst = max(worst, abs(astray))
+                worst = max(worst, off)
         for n in range(6):
             work.error[i, n] = table.sense[i] * e[n]
-            # A comparison with what is not a number is false: it has to be caught as well.
-            worst = worst if abs(e[n]) <= worst else abs(e[n])
         d, a = dot((e[0], e[1], e[2]), (e[0], e[1], e[2])), dot(
             (e[3], e[4], e[5]), (e[3], e[4], e[5]))
+        # A comparison with what is not a number is false: it has to be caught as well.
         way, angle = way if d <= way else d, angle if a <= angle else a
-    work.largest[0], work.largest[1], work.largest[2] = lever, way, angle
-    return worst
+    work.largest[0], work.largest[1] = way, angle
+    off = joints_off(work, g)
+    return worst if off <= worst else off
+
+
+@inlined
+def joints_off(work: JointWork, g: int) -> float:
+    """Return the largest angle [rad], or way over the length, in the joints measured last."""
+    way, angle = math.sqrt(work.largest[0]) / work.length[g], math.sqrt(work.largest[1])
+    return way if not way <= angle else angle
 
 
 @kernel
@@ -123,7 +135,7 @@ def _measure_ways(table: JointTable, state: State, work: JointWork, h: float, g:
     """
     Write by how much the ways of free axes of articulation g differ from h (rate + bent).
 
-    Returns the largest number among these; other axes have a 0 there.
+    Returns the largest of these as an angle [rad]; other axes have a 0 there.
     """
     law, worst = work.law, 0.0
     begin, end = table.first_row[g], table.first_row[g + 1]
@@ -131,7 +143,7 @@ def _measure_ways(table: JointTable, state: State, work: JointWork, h: float, g:
         if work.locked[k] == UNLOCKED and follows_way(table, work, k):
             q = joint_position(table, state, table.axis_joint[k], law.left_at[k])
             law.astray[k] = q - law.left_at[k] - h * (law.half_rate[k] + law.bent[k])
-            worst = max(worst, abs(law.astray[k]))
+            worst = max(worst, abs(law.astray[k]) / work.unit[k])
     return worst
 
 
@@ -213,7 +225,8 @@ def largest_turn(table: JointTable, work: JointWork, h: float, g: int) -> float:
             for k in range(table.first_axis[i], table.first_axis[i + 1]):
                 if table.translates[k] == 1:
                     levers = norm(row(work.arm, i)) + norm(row(work.com, i))
-                    longest = max(longest, abs(work.rate[k]) / (levers + _SHORTEST))
+                    levers += _SHORTEST * work.length[g]
+                    longest = max(longest, abs(work.rate[k]) / levers)
     return abs(h) * (math.sqrt(fastest) + longest)
 
 
@@ -267,13 +280,13 @@ def _close_poses(model: Model, table: JointTable, state: State, motion: JointMot
         if stiff and not yields and not worst <= 0.5 * before:
             yields, rounds, before = True, 0, math.inf
             worst = measure(table, state, motion, work, True, g)
-        if worst <= work.tolerance[0]:
+        if worst <= work.tolerance[g]:
             return True
         if rounds > 0:
             asked = rounds == 1 and MOST_PARTS * abs(h) > model.h
             most = (RESOLVED if asked else 0.5) * angle
             angle = largest_angle(table, work, yields, g)
-            if not angle <= max(most, _ROUGH * work.tolerance[0]):
+            if not angle <= max(most, _ROUGH * work.tolerance[g]):
                 return False
             left = max(left, worst / before)
         rounds, before = rounds + 1, worst
@@ -295,34 +308,21 @@ def _close_poses(model: Model, table: JointTable, state: State, motion: JointMot
 @kernel
 def largest_angle(table: JointTable, work: JointWork, yields: bool, g: int) -> float:
     """
-    Return the largest way or angle that joints are off [rad], metres over the longest lever.
+    Return the largest way or angle that joints are off [rad], metres over the length.
 
-    Those of articulation g, which was measured last. That is the same where all is larger, smaller
-    or turned.
+    Those of articulation g, which was measured last, without axes that yield. That is the same
+    where all is larger, smaller or turned.
     """
-    long, way, angle = (math.sqrt(work.largest[0]), math.sqrt(work.largest[1]),
-                        math.sqrt(work.largest[2]))
-    unit = 1.0 / long if long > 0.0 else 0.0
-    worst = unit * way
-    worst = worst if angle <= worst else angle
+    worst = joints_off(work, g)
     begin, end = table.first_row[g], table.first_row[g + 1]
     for k in range(table.first_axis[begin], table.first_axis[end]):
         if work.locked[k] == LOCKED or (work.locked[k] == STIFF and not yields):
-            off = abs(work.law.astray[k]) * (unit if table.translates[k] == 1 else 1.0)
+            off = abs(work.law.astray[k]) / work.unit[k]
             worst = worst if off <= worst else off
     for m in range(table.first_condition[g], table.first_condition[g + 1]):
-        off = abs(work.loop.off[m]) * (unit if _is_length(table, work, m) else 1.0)
+        off = abs(work.loop.off[m]) / condition_unit(table, work, m, g)
         worst = worst if off <= worst else off
     return worst
-
-
-@inlined
-def _is_length(table: JointTable, work: JointWork, m: int) -> bool:
-    """Return whether a condition beside the tree is kept in metres."""
-    if table.condition_place[m] == MIMIC:
-        return bool(table.translates[table.coupled_axis[m, 0]] == 1)
-    d = six(work.loop.direction, m)
-    return bool(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0.0)
 
 
 @kernel
@@ -421,12 +421,12 @@ def leaves_active_set(table: JointTable, state: State, work: JointWork, h: float
         q = joint_position(table, state, table.axis_joint[k], law.before[k])
         # Also for what is not a number, of an axis without limits too.
         # Loops that hold the axis at its limit are closed to this, and so is its own joint.
-        near = 2.0 * work.tolerance[0]
+        near = 2.0 * work.near[k]
         if not table.laws.lower[k] - near <= q <= table.laws.upper[k] + near:
             law.bend[k] = (q - law.before[k]) / h - law.half_rate[k]
             found = True
         v = law.half_rate[k]
-        slack = _PIECE_SLACK * (1.0 + abs(v))
+        slack = _PIECE_SLACK * abs(v) + _WAY_SLACK * work.near[k] / abs(h)
         found = found or (strict and not law.begin[k] - slack <= v <= law.end[k] + slack)
     return found
 
