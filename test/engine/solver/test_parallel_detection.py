@@ -9,7 +9,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.detection.detect import (
-    ALL, detect_part, FIND, LOOK, NOTE, ROWS, search, TAKE, WHOLE)
+    ALL, detect_part, FIND, LOOK, NOTE, ROWS, TAKE, WHOLE)
 from rigid_sim_ros.engine.detection.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
 from rigid_sim_ros.engine.model.shapes import build_materials, Material
