@@ -12,40 +12,31 @@ gaps are found anew.
 from typing import Any, NamedTuple, Protocol
 
 from rigid_sim_ros.engine.detection.broad_phase import mark_moved, near_pairs
-from rigid_sim_ros.engine.detection.carried_impulses import carry_over
-from rigid_sim_ros.engine.detection.manifold_rows import are_flat, recycle, write_row
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, NEAR, NO_SEARCH, PAIRS, RECYCLED, Scratch,
-    SHORT_ROWS, WITNESSED)
-from rigid_sim_ros.engine.detection.narrow_phase.balls import touching_ball
-from rigid_sim_ros.engine.detection.narrow_phase.boxes import box_box, UNSETTLED
-from rigid_sim_ros.engine.detection.narrow_phase.collide import (
-    BALL, BOXES, collide_by_search, FAMILY, on_plane, PLANE_FIRST, PLANE_SECOND)
+    SHORT_ROWS, turn_page_back, WITNESSED)
 from rigid_sim_ros.engine.detection.pair_list import (
     find_pairs, look_for_share, note_moved, take_shares)
+from rigid_sim_ros.engine.detection.pair_manifold import (
+    ALL_SEAMS, AS_BEFORE, find_manifold, key_of, search, seek, UNKNOWN)
 from rigid_sim_ros.engine.detection.seams import find_seams, mend_seams
+from rigid_sim_ros.engine.detection.thrown_rows import find_thrown
 from rigid_sim_ros.engine.detection.transform_update import (
     next_placed, note_settled, place_bodies, place_shapes, write_aabbs)
-from rigid_sim_ros.engine.detection.witness import boxes_apart, remember, separates
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import IntArray, Vector
-from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part
+from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 from rigid_sim_ros.kernels.separate import address_of, by_address
 
 # What a thread counts besides what is in `Memory.counters`: manifolds, and pairs left out for want
 # of `search`.
 ROWS, LEFT_OUT = 7, 6
-NONE = (0.0, 0.0, 0.0)
-# In place of the number of points: the pair is apart, and a witness says so; nobody knows, for
-# what would find out is not compiled.
-AS_BEFORE, UNKNOWN = -2, -3
-ALL_SEAMS = -1  # in place of a pair
-# The stages by their numbers: everything; what moved; the partners of what moved, by the first
-# thread and by the second (the number that follows), and taken in; the manifolds, in the same way,
-# and by one thread; their seams.
-WHOLE, NOTE, LOOK, TAKE, FIND, ALL, SEAMS = 0, 1, 2, 4, 5, 7, 9
+# The stages by their numbers: everything but seams; what moved; the partners of what moved, by the
+# first thread and by the second (the number that follows), and taken in; the manifolds, in the
+# same way, and by one thread; those of what is thrown again; and, once all are there, their seams.
+WHOLE, NOTE, LOOK, TAKE, FIND, ALL, THROWN, SEAMS = 0, 1, 2, 4, 5, 7, 8, 9
 
 
 class Share(NamedTuple):
@@ -121,6 +112,14 @@ def detect_within_margins(model: Model, state: State, shapes: Shapes, memory: Me
     has none, and None here, calls `search_pair`. Where one was needed that is not there the
     counter NO_SEARCH is 1 and the result False, as where a buffer is too small.
     """
+    return (find_within_margins(model, state, shapes, memory, c)
+            and settle_seams(shapes, memory, c))
+
+
+@kernel
+def find_within_margins(model: Model, state: State, shapes: Shapes, memory: Memory,
+                        c: Any) -> bool:
+    """Do the same, but leave the seams as they are: what is thrown may yet be found again."""
     memory.left[1, 0] = 0
     place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))
     return find_pairs(model, state, shapes, memory) and find_all_manifolds(
@@ -149,7 +148,9 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
                  c: Any) -> bool:
     """Detect within margins, or take a stage of that for one thread or for each."""
     if stage == WHOLE:
-        return detect_within_margins(model, state, shapes, memory, c)
+        return find_within_margins(model, state, shapes, memory, c)
+    if stage == THROWN:
+        return find_thrown(model, state, shapes, memory, c.work.thrown, c)
     if stage == ALL:
         return find_all_manifolds(state, shapes, memory, c)
     if stage == TAKE:
@@ -171,12 +172,6 @@ def detect_part(c: Arguments, stage: int) -> int:
     return int(detect_stage(stage, c.model, c.state, c.shapes, c.memory, c))
 
 
-@by_address
-def search(c: Arguments, number: int) -> int:
-    """Search for the nearest points of the pair with this number; see `search_pair`."""
-    return search_pair(number, c.shapes, c.memory)
-
-
 @kernel
 def find_all_manifolds(state: State, shapes: Shapes, memory: Memory, c: Any) -> bool:
     """Find the manifolds of all pairs, and turn the page; return whether all was there for it."""
@@ -186,8 +181,7 @@ def find_all_manifolds(state: State, shapes: Shapes, memory: Memory, c: Any) -> 
     find_share(state, shapes, memory, 0, c)
     memory.shares[1, :], memory.touching[1, :] = 0, 0
     memory.split[0] = memory.shares[0, ROWS] // 2
-    return (turn_page(memory, 0, memory.shares[0, ROWS])
-            and settle_seams(shapes, memory, c))
+    return turn_page(memory, 0, memory.shares[0, ROWS])
 
 
 @kernel
@@ -241,12 +235,6 @@ def turn_page(memory: Memory, first: int, rows: int) -> bool:
 
 
 @kernel
-def turn_page_back(memory: Memory) -> None:
-    """Let the rows of the step before be the current manifolds again, to detect anew."""
-    memory.page[0] = 1 - memory.page[0]
-
-
-@kernel
 def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch,
                    listing: IntArray, now: Manifolds, before: Manifolds, share: Share,
                    touching: IntArray, found_so: IntArray, thread: int, c: Any) -> None:
@@ -276,28 +264,18 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         k = listing[(at - back) & INDEX] & INDEX
         at += step
         a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
-        margin = memory.margin[a] + memory.margin[b]
-        old_at = _seek(before, old_at, old_end, back, _key(a, b))
+        old_at = seek(before, old_at, old_end, back, key_of(a, b))
         old = (old_at - back) & INDEX
         known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
         row = (place - back) & INDEX
-        i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
-        if known and are_flat(shapes.kind, a, b) and recycle(
-                state, memory.turn, now, before, row, old, i, j, margin,
-                min(shapes.bound[a], shapes.bound[b]),
-                min(shapes.half_width[a], shapes.half_width[b])):
-            count = before.points[old]
-            recycled += 1
-        else:
-            count, n = _points_of(shapes, memory, scratch, k, a, b, margin, thread, c)
-            settled += 1 if count == AS_BEFORE else 0
-            left_out += 1 if count == UNKNOWN else 0
-            if count <= 0:
-                continue
-            write_row(state, memory.turn, now, row, i, j, count, n, scratch.points,
-                      scratch.ids, are_flat(shapes.kind, a, b))
-        carry_over(now, before, row, old if known else -1, count)
-        _name_row(now, row, a, b, i, j, count)
+        count, kept = find_manifold(state, shapes, memory, scratch, now, before, row,
+                                    old if known else -1, k, thread, c)
+        recycled += kept
+        settled += 1 if count == AS_BEFORE else 0
+        left_out += 1 if count == UNKNOWN else 0
+        if count <= 0:
+            continue
+        i, j = now.body_a[row] & INDEX, now.body_b[row] & INDEX
         touching[i] = touching[j] = 1
         contacts += count
         rows += 1
@@ -306,102 +284,3 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     found_so[PAIRS], found_so[WITNESSED] = near, settled
     found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
     found_so[ROWS], found_so[LEFT_OUT] = rows, left_out
-
-
-@part
-def _name_row(rows: Manifolds, row: int, a: int, b: int, i: int, j: int, count: int) -> None:
-    """Write whose row it is: of the shapes a and b of the bodies i and j, with `count` points."""
-    rows.shape_a[row], rows.shape_b[row] = a, b
-    rows.body_a[row], rows.body_b[row] = i, j
-    rows.points[row] = count
-
-
-@part
-def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int, b: int,
-               margin: float, thread: int, c: Any) -> tuple[int, Vector]:
-    """
-    Find the points of pair k, of shapes a and b: return their number and the normal.
-
-    AS_BEFORE for a pair that the plane which separated it before still separates. The two most
-    frequent families get just the arrays they need: to hand over all tables takes as long as their
-    work.
-    """
-    kind_a, kind_b = shapes.kind[a] & INDEX, shapes.kind[b] & INDEX
-    family = FAMILY[kind_a, kind_b]
-    if family == BALL:
-        return touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
-                             scratch.points, scratch.ids)
-    if family in (PLANE_FIRST, PLANE_SECOND):
-        return on_plane(memory.pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
-    count, n = UNSETTLED, NONE
-    if family == BOXES:
-        if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
-            return AS_BEFORE, NONE
-        # What may touch with a face is seen as a face: where its border touches, by the search,
-        # or the next corner of what pivots there would be met a step late.
-        way = max(0.0, margin - memory.rest_margin[a] - memory.rest_margin[b])
-        count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
-                           scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
-    if count == UNSETTLED:
-        count = _search(shapes, memory, k, thread, c)
-        if count in (AS_BEFORE, UNKNOWN):
-            return count, NONE
-        n = scratch.normal[0], scratch.normal[1], scratch.normal[2]
-    if count == 0 or memory.axis[k, 3] != 0.0:
-        remember(memory.pose, a, memory.axis, k, n if count == 0 else NONE)
-    return count, n
-
-
-@part
-def _search(shapes: Shapes, memory: Memory, k: int, thread: int, c: Any) -> int:
-    """Search for the nearest points of pair k; UNKNOWN if `search` is not compiled yet."""
-    if c is None:
-        return search_pair(2 * k + thread, shapes, memory)
-    return UNKNOWN if address_of(search, c) == 0 else search(c, 2 * k + thread)
-
-
-@kernel
-def search_pair(number: int, shapes: Shapes, memory: Memory) -> int:
-    """
-    Find the points of two convex shapes by the searches that do so for any kinds.
-
-    2 k + thread is for pair k in the scratch of a thread, where the normal is left too. Returns
-    the number of points, or AS_BEFORE. ALL_SEAMS, in place of such a number, mends the seams of
-    all manifolds: it needs the same searches.
-    """
-    if number == ALL_SEAMS:
-        mend_seams(shapes, memory, memory.scratch)
-        return 0
-    k = (number >> 1) & INDEX
-    scratch = memory.other_scratch if number & 1 == 1 else memory.scratch
-    a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
-    margin = memory.margin[a] + memory.margin[b]
-    if separates(memory.pose, shapes, a, b, memory.axis, k, margin):
-        return AS_BEFORE
-    count, n = collide_by_search(memory.pose, shapes, a, b, margin, scratch)
-    scratch.normal[0], scratch.normal[1], scratch.normal[2] = n
-    return count
-
-
-@inlined
-def _key(a: int, b: int) -> int:
-    """Return a number by which pairs are in order."""
-    return (a << 32) | b
-
-
-@part
-def _seek(before: Manifolds, old: int, end: int, back: int, key: int) -> int:
-    """
-    Return the first row from `old` on that does not come before a pair.
-
-    With `back`, 1 and not 0, in the other direction, and then it is the row before what is
-    returned.
-    """
-    # The bits of -1 turn the order around.
-    turn, step = -back, 1 - 2 * back
-    while old != end:
-        row = (old - back) & INDEX
-        if _key(before.shape_a[row], before.shape_b[row]) ^ turn >= key ^ turn:
-            break
-        old += step
-    return old

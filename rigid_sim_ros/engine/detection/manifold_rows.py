@@ -204,13 +204,14 @@ def pack_rows(manifolds: Manifolds) -> None:
     for row in range(first, first + count):
         if manifolds.points[row] > 0:
             if kept < row:
-                _move_row(manifolds, row & INDEX, kept & INDEX)
+                copy_row(manifolds, row & INDEX, kept & INDEX)
             kept += 1
     manifolds.count[0] = kept - first
 
 
 @kernel
-def _move_row(manifolds: Manifolds, source: int, target: int) -> None:
+def copy_row(manifolds: Manifolds, source: int, target: int) -> None:
+    """Write to a row what is in another."""
     for names in (manifolds.shape_a, manifolds.shape_b, manifolds.body_a, manifolds.body_b):
         names[target] = names[source]
     manifolds.points[target] = manifolds.points[source]

@@ -253,6 +253,12 @@ def earlier(memory: Memory) -> Manifolds:
     return memory.pages[1 - memory.page[0]]
 
 
+@kernel
+def turn_page_back(memory: Memory) -> None:
+    """Let the rows of the step before be the current manifolds again, to detect anew."""
+    memory.page[0] = 1 - memory.page[0]
+
+
 def earlier_manifolds(memory: Memory) -> Manifolds:
     """Return the same in Python."""
     return memory.pages[1 - int(memory.page[0])]

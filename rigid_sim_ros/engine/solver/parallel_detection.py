@@ -10,7 +10,7 @@ side by side, however many each of them finds. Where the room was too small one 
 """
 
 from rigid_sim_ros.engine.detection.detect import (
-    ALL, detect_part, FIND, get_share, LOOK, NOTE, place_some, ROWS, SEAMS, set_share, Share, TAKE,
+    ALL, detect_part, FIND, get_share, LOOK, NOTE, place_some, ROWS, set_share, Share, TAKE,
     turn_page)
 from rigid_sim_ros.engine.detection.manifolds import (
     current, first_row, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
@@ -35,7 +35,7 @@ _OF_RECYCLED, _OF_NEW = 2, 14
 
 @part
 def detect_in_parallel(c: Arguments) -> int:
-    """Detect within margins by two threads; return 1 if all was there for it, else 0."""
+    """Find manifolds by two threads, not their seams; return 1 if all was there, else 0."""
     memory, job = c.memory, c.job
     alone, shared = address_of(detect_part, c), address_of(share_part, c)
     side_by_side(job, shared, c, PLACE, PLACE + 1)
@@ -50,9 +50,7 @@ def detect_in_parallel(c: Arguments) -> int:
     side_by_side(job, alone, c, FIND, FIND + 1)
     if share_part(c, FIT) == 0:
         return detect_part(c, ALL)
-    if share_part(c, JOIN) == 0:
-        return 0
-    return detect_part(c, SEAMS)
+    return share_part(c, JOIN)
 
 
 @by_address

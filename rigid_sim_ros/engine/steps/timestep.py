@@ -15,10 +15,11 @@ from rigid_sim_ros.engine.constraints.contact_prediction import predict_contacts
 from rigid_sim_ros.engine.constraints.next_touch import find_next_touches
 from rigid_sim_ros.engine.contact.collisions import collide_bodies, collide_candidates, ROUNDS
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
-from rigid_sim_ros.engine.detection.detect import detect_part, search, turn_page_back, WHOLE
+from rigid_sim_ros.engine.detection.detect import detect_part, SEAMS, THROWN, WHOLE
 from rigid_sim_ros.engine.detection.manifolds import (
     current, current_manifolds, earlier, grown, NO_SEARCH)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY, SEARCHED
+from rigid_sim_ros.engine.detection.pair_manifold import search
 from rigid_sim_ros.engine.detection.thrown_margins import SEARCHES, widen_margins
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.forces import add_scene_forces
@@ -223,10 +224,9 @@ def detect(c: Arguments) -> bool:
         if not widen_margins(c.model.inv_m, c.work.thickness, c.shapes, c.materials, c.memory,
                              c.work.thrown):
             break
-        turn_page_back(c.memory)
-        if detect_part(c, WHOLE) == 0:
+        if detect_part(c, THROWN) == 0:
             return False
-    return True
+    return detect_part(c, SEAMS) == 1
 
 
 @kernel

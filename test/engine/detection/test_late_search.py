@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.detection.detect import search
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds
+from rigid_sim_ros.engine.detection.pair_manifold import search
 from rigid_sim_ros.engine.solver.partition import ENOUGH
 from rigid_sim_ros.engine.steps import timestep
 from rigid_sim_ros.kernels.separate import symbol_of

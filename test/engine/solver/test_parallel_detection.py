@@ -4,38 +4,15 @@
 
 from effort import examples
 from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene
+from engine.step_arguments import pack_of
 from hypothesis import given, strategies as st
 import numpy as np
 
-from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.detection.detect import (
-    ALL, detect_part, FIND, LOOK, NOTE, ROWS, search, TAKE, WHOLE)
+    ALL, detect_part, FIND, LOOK, NOTE, ROWS, TAKE, WHOLE)
 from rigid_sim_ros.engine.detection.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
-from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
-from rigid_sim_ros.engine.model.shapes import build_materials, Material
-from rigid_sim_ros.engine.solver.arguments import make_arguments, TimestepSettings
 from rigid_sim_ros.engine.solver.parallel_detection import (
     _effort, _fair_split, FIT, JOIN, PLACE, REFRESH, SHARE_OUT, share_part)
-from rigid_sim_ros.kernels.argument_pack import ArgumentPack
-from rigid_sim_ros.kernels.separate import link, Pieces
-
-# Of the half thickness of a shape, 0.2 to 0.3 m: points are found up to 8 to 12 mm ahead.
-MARGIN = 0.04
-
-
-def pack_of(scene: Scene, by_number: bool) -> ArgumentPack:
-    """
-    Return the arguments of a step, for kernels that worlds have compiled already.
-
-    Pairs are shared out by number, or else by the effort of the last step.
-    """
-    arguments = make_arguments(
-        Basis(scene.model, scene.state, no_wrenches(), scene.shapes,
-              build_materials([Material()]), scene.memory), TimestepSettings(margin=MARGIN))
-    arguments.work.solver.sides.cut.halved[0] = by_number
-    pack = ArgumentPack(arguments)
-    link(detect_part, pack, Pieces(here=[search, share_part], helped=[]))
-    return pack
 
 
 def detect_in_stages(scene: Scene, by_number: bool) -> None:
