@@ -240,9 +240,10 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
         _write_pair(shapes.kind, manifolds, r, k, normal_impulse, friction_impulse, work)
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             store_body(inv_I_C, state, body, tau, work.body[body])
-            work.last[body] = max(work.last[body], tau)
-            # Their other times are no longer true.
+            # What nothing pushes goes on as before, whatever it was met by.
             if inv_m[body] > 0.0:
+                work.last[body] = max(work.last[body], tau)
+                # Their other times are no longer true.
                 work.first[body] = -1.0
                 work.collisions[body] += 1
     for k in range(count):
