@@ -121,3 +121,13 @@ def grid(kinds, spacing, rng, tilt=0.0):
         q = np.append(tilt * rng.normal(size=3), 1.0)
         poses.append((spacing * place_in + 0.02 * spacing * rng.normal(size=3), q))
     return poses
+
+
+def twins(kinds: Sequence[str], count: int, spacing: float,
+          rng: np.random.Generator) -> tuple[Scene, Scene]:
+    """Return two equal scenes: bodies of these kinds in turn, in a lattice on a plane."""
+    shapes = [CONVEX[kinds[k % len(kinds)]] for k in range(count)]
+    poses = grid(shapes, spacing, rng, tilt=0.2)
+    one, other = (Scene([*shapes, PLANE_SHAPE], [*poses, ((0, 0, 0), UPRIGHT)], fixed=[count])
+                  for _ in range(2))
+    return one, other

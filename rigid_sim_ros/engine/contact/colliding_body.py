@@ -53,7 +53,8 @@ class CollisionWork(NamedTuple):
     met: IntArray  # (c,) of 8 bits, how often they met anew in this step; see next_touch.py
     first: Array  # (n,) the earliest of the times of a body and of those near it
     nearby: Array  # (n,) scratch for that
-    last: Array  # (n,) [s] after the start of the step, when a body collided last
+    # (n,) [s] after the start of the step, when a body that can be pushed collided last
+    last: Array
     collisions: IntArray  # (n,) of 32 bits, how many pairs of a body that moves collided so far
     # (c,) of 32 bits, the sum of that of both bodies, when they collided with each other; when
     # their time was found; when their ways were followed. -1: not yet

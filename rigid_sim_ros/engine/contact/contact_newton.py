@@ -145,51 +145,24 @@ def add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, K: Array
     n = width * c
     for side in range(2):
         to = slot[rows.body[c, side]]
-        for j in range(6 if to >= 0 else 0):
-            if width == 3:
-                _add_three(rows, c, 6 * to + j, 6 * side + j, slot, E, K)
-                continue
+        if to < 0:
+            continue
+        for j in range(6):
+            i = 6 * to + j
             for r in range(width):
                 weight = 0.0
                 for q in range(width):
                     weight += rows.G[n + q, 6 * side + j] * E[c, q, r]
-                if weight != 0.0:
-                    _add_row(rows, c, n + r, 6 * to + j, weight, slot, K)
-
-
-@kernel
-def _add_row(rows: Rows, c: int, row: int, i: int, weight: float, slot: IntArray,
-             K: Array) -> None:
-    """Add `weight` times W of a row of point c to row i of K."""
-    begin = rows.at[row]
-    for e in range(rows.first[c], rows.first[c + 1]):
-        at = slot[rows.moved[e]]
-        if at >= 0:
-            line, moves = K[i][6 * at:6 * at + 6], rows.W[begin:begin + 6]
-            for k in range(6):
-                line[k] += weight * moves[k]
-        begin += 6
-
-
-@kernel
-def _add_three(rows: Rows, c: int, i: int, column: int, slot: IntArray, E: Array,
-               K: Array) -> None:
-    """Add (G' E W')_i of point c with three rows to row i of K, column i of G being `column`."""
-    n = 3 * c
-    x, y, z = rows.G[n, column], rows.G[n + 1, column], rows.G[n + 2, column]
-    a = x * E[c, 0, 0] + y * E[c, 1, 0] + z * E[c, 2, 0]
-    b = x * E[c, 0, 1] + y * E[c, 1, 1] + z * E[c, 2, 1]
-    d = x * E[c, 0, 2] + y * E[c, 1, 2] + z * E[c, 2, 2]
-    far = 0
-    for e in range(rows.first[c], rows.first[c + 1]):
-        at = slot[rows.moved[e]]
-        if at >= 0:
-            line = K[i][6 * at:6 * at + 6]
-            of_a, of_b = rows.W[rows.at[n] + far:], rows.W[rows.at[n + 1] + far:]
-            of_d = rows.W[rows.at[n + 2] + far:]
-            for k in range(6):
-                line[k] = line[k] + a * of_a[k] + b * of_b[k] + d * of_d[k]
-        far += 6
+                if weight == 0.0:
+                    continue
+                begin = rows.at[n + r]
+                for e in range(rows.first[c], rows.first[c + 1]):
+                    at = slot[rows.moved[e]]
+                    if at >= 0:
+                        line, moves = K[i][6 * at:6 * at + 6], rows.W[begin:begin + 6]
+                        for k in range(6):
+                            line[k] += weight * moves[k]
+                    begin += 6
 
 
 @kernel

@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.detection.manifolds import (
 from rigid_sim_ros.engine.detection.pair_list import (
     find_pairs, look_for_share, note_moved, take_shares)
 from rigid_sim_ros.engine.detection.pair_manifold import (
-    ALL_SEAMS, AS_BEFORE, find_manifold, key_of, search, seek, UNKNOWN)
+    ALL_SEAMS, AS_BEFORE, find_manifold, key_of, search, SearchArguments, seek, UNKNOWN)
 from rigid_sim_ros.engine.detection.seams import find_seams, mend_seams
 from rigid_sim_ros.engine.detection.thrown_rows import find_thrown
 from rigid_sim_ros.engine.detection.transform_update import (
@@ -54,7 +54,7 @@ class Share(NamedTuple):
     backwards: int  # 0 or 1
 
 
-class Arguments(Protocol):
+class Arguments(SearchArguments, Protocol):
     """What the separate pieces of detection read of the arguments of a step."""
 
     @property
@@ -64,14 +64,6 @@ class Arguments(Protocol):
     @property
     def state(self) -> State:
         """Return the positions."""
-
-    @property
-    def shapes(self) -> Shapes:
-        """Return the shapes."""
-
-    @property
-    def memory(self) -> Memory:
-        """Return what is detected, and what is kept from the last step."""
 
 
 @part

@@ -26,7 +26,7 @@ AS_BEFORE, UNKNOWN = -2, -3
 ALL_SEAMS = -1  # in place of a pair
 
 
-class Arguments(Protocol):
+class SearchArguments(Protocol):
     """What the search for a pair reads of the arguments of a step."""
 
     @property
@@ -143,7 +143,7 @@ def search_pair(number: int, shapes: Shapes, memory: Memory) -> int:
 
 
 @by_address
-def search(c: Arguments, number: int) -> int:
+def search(c: SearchArguments, number: int) -> int:
     """Search for the nearest points of the pair with this number; see `search_pair`."""
     return search_pair(number, c.shapes, c.memory)
 

@@ -46,17 +46,17 @@ def find_thrown(model: Model, state: State, shapes: Shapes, memory: Memory, thro
         _move_to_front(rows)
         new = _find_rows(state, shapes, memory, thrown, c)
     needed = rows.count[0] + 2 * new
-    if new == NOT_FOUND or needed > room:
-        if new == NOT_FOUND:
-            memory.counters[NO_SEARCH] = 1
-        else:
-            memory.counters[SHORT_ROWS] = needed
-        turn_page_back(memory)
-        return False
-    _merge(rows, new)
-    pack_rows(rows)
-    memory.counters[CONTACTS] = _count_points(rows)
-    return True
+    if new == NOT_FOUND:
+        memory.counters[NO_SEARCH] = 1
+    elif needed > room:
+        memory.counters[SHORT_ROWS] = needed
+    else:
+        _merge(rows, new)
+        pack_rows(rows)
+        memory.counters[CONTACTS] = _count_points(rows)
+        return True
+    turn_page_back(memory)
+    return False
 
 
 @kernel

@@ -3,7 +3,7 @@
 """What is thrown is found again as if all had been found with its margins from the start."""
 
 from effort import examples
-from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene
+from engine.detecting import CONVEX, Scene, twins
 from engine.step_arguments import MARGIN, pack_of
 from hypothesis import given, strategies as st
 import numpy as np
@@ -35,10 +35,7 @@ def detect(scene: Scene, margins, thrown=None) -> None:
 def test_the_manifolds_are_those_of_one_search_with_the_wider_margins(kinds, count, spacing, part,
                                                                       seed):
     rng = np.random.default_rng(seed)
-    shapes = [CONVEX[kinds[k % len(kinds)]] for k in range(count)]
-    poses = grid(shapes, spacing, rng, tilt=0.2)
-    again, once = (Scene([*shapes, PLANE_SHAPE], [*poses, ((0, 0, 0), (0, 0, 0, 1))],
-                         fixed=[count]) for _ in range(2))
+    again, once = twins(kinds, count, spacing, rng)
     for step in range(4):
         thrown = np.append(rng.uniform(size=count) < part, False)
         margins = MARGIN + thrown * rng.uniform(0.05, 0.3, size=count + 1)

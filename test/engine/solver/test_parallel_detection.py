@@ -3,7 +3,7 @@
 """Detection in the stages of two threads finds what detection by one finds."""
 
 from effort import examples
-from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene
+from engine.detecting import CONVEX, Scene, twins
 from engine.step_arguments import pack_of
 from hypothesis import given, strategies as st
 import numpy as np
@@ -49,10 +49,7 @@ def detect_alone(scene: Scene, other: Scene) -> None:
        by_number=st.booleans())
 def test_stages_find_the_same_manifolds_as_one_thread(kinds, count, spacing, seed, by_number):
     rng = np.random.default_rng(seed)
-    shapes = [CONVEX[kinds[k % len(kinds)]] for k in range(count)]
-    poses = grid(shapes, spacing, rng, tilt=0.2)
-    one, other = (Scene([*shapes, PLANE_SHAPE], [*poses, ((0, 0, 0), (0, 0, 0, 1))],
-                        fixed=[count]) for _ in range(2))
+    one, other = twins(kinds, count, spacing, rng)
     for step in range(6):
         detect_in_stages(other, by_number)
         detect_alone(one, other)
