@@ -27,7 +27,7 @@ from rigid_sim_ros.engine.detection.manifold_rows import (
     find_row, mark_mended, pack_rows, take_point)
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams, smallest_gap)
-from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold, FLAT
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
@@ -46,6 +46,9 @@ FLUSH = 1e-3
 # Of that tolerance: how exactly a point lies on a face. It tells an edge from a face at angles
 # above 1e-6 rad; rounding is far below.
 ON_FACE = 1e-6
+# The cosine of 1e-4 rad: what rests within the skin of contacts, 2e-5 of its size, may be tilted by
+# nearly as much. Of what lies on two faces with a smaller angle each bears its part.
+ONE_DIRECTION = 1.0 - 0.5e-8
 # cos 0.06 deg: axes that are parallel.
 PARALLEL = 1.0 - 5e-7
 # How often a point slides out of what covers it: once for each wall of a corner, and once to see.
@@ -189,6 +192,23 @@ def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
 
 
 @kernel
+def _is_one_direction(n: Vector, m: Vector) -> bool:
+    """Return whether the faces of two unit normals are one surface."""
+    return dot(n, m) > ONE_DIRECTION
+
+
+@kernel
+def _of_face(pose: Array, shapes: Shapes, s: int, n: Vector) -> Vector:
+    """
+    Return the normal of the face of S along which a manifold with the normal n lies, or n.
+
+    Between two boxes of one volume n is half way between the normals of their faces.
+    """
+    face_normal = face_normal_along(pose, shapes, s, n)
+    return face_normal if dot(n, face_normal) > FLAT else n
+
+
+@kernel
 def _push(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, j: int, side: int,
           n: Vector) -> Vector:
     """
@@ -199,7 +219,7 @@ def _push(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, j: int, si
     on which of them were mended before.
     """
     n_T = _outward(seams.normal, j, side)
-    if not are_same(n, n_T):
+    if not _is_one_direction(n, n_T):
         return n_T
     t, _ = _shapes_of(rows, j, side)
     return face_normal_along(pose, shapes, t, n)
@@ -213,7 +233,8 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     at = _first(shapes, rows, seams, m, k, side)
     if seams.link[at & 1, at >> 1] < 0:
         return False
-    n, most = _outward(rows.normal, k, side), FLUSH * shapes.half_width[s]
+    n = _of_face(pose, shapes, s, _outward(rows.normal, k, side))
+    most = FLUSH * shapes.half_width[s]
     c = _centre(pose, memory.turn, shapes, s)
     r = rows.r_A if side == 0 else rows.r_B
     low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
@@ -226,7 +247,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     for p in range(count):
         middle = add_scaled(middle, 1.0 / count, (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
     # A part of a face of S whose middle nothing covers goes on from all of its corners.
-    area = count > 2 and are_same(n, face_normal_along(pose, shapes, s, n))
+    area = count > 2 and _is_one_direction(n, face_normal_along(pose, shapes, s, n))
     if area:
         low, high = add(c, middle), add(c, middle)
     while at >= 0:
@@ -236,7 +257,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
             break       # a fixed M is met by each body for itself, whose pieces lie side by side
         if (s != t and _reaches(memory.box, t, low, high, most)
                 and _one_surface(pose, shapes, s, t)
-                and not are_same(n, _push(pose, shapes, rows, seams, j, other, n))):
+                and not _is_one_direction(n, _push(pose, shapes, rows, seams, j, other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
                 x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
@@ -266,13 +287,14 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
     for i in range(seams.count[0]):
         code = seams.suspect[i]
         k, side = (code >> 1) & INDEX, code & 1
-        _, m = _shapes_of(rows, k, side)
+        s, m = _shapes_of(rows, k, side)
         if rows.points[k] <= 0:
             continue
         points, standing = rows.points[k], 0
+        n = _of_face(memory.pose, shapes, s, _outward(rows.normal, k, side))
         for p in range(points):
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
-            if stands(shapes, memory, rows, m, k, side, x, _outward(rows.normal, k, side)):
+            if stands(shapes, memory, rows, m, k, side, x, n):
                 standing |= 1 << p
         if standing == (1 << points) - 1:
             continue
@@ -352,7 +374,7 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
                     or not _one_surface(pose, shapes, s, t)):
                 continue
             n_T = _push(pose, shapes, rows, seams, j, other, n)
-            if are_same(n, n_T):
+            if _is_one_direction(n, n_T):
                 continue
             flush = tolerance(shapes, m, s, t)
             if (height(pose, shapes, t, x) > flush
