@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
     are_same, face, face_count, face_normal_along, height, way_out)
 from rigid_sim_ros.engine.detection.support import extreme, radius, reach
-from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale
+from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
 from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.engine.model.kinds.table import has_disc, is_faceted, is_unbounded
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -192,20 +192,32 @@ def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
 
 
 @kernel
-def _is_one_direction(n: Vector, m: Vector) -> bool:
-    """Return whether the faces of two unit normals are one surface."""
+def _is_one_direction(shapes: Shapes, s: int, t: int, n: Vector, m: Vector) -> bool:
+    """
+    Return whether faces of S and T with these normals are one surface.
+
+    Pieces of one body, and of what is fixed, lie as exactly as they were written; what rests on
+    the same floor does so within the skin of contacts.
+    """
+    if shapes.body[s] == shapes.body[t] or shapes.still[s] + shapes.still[t] == 2:
+        return are_same(n, m)
     return dot(n, m) > ONE_DIRECTION
 
 
 @kernel
-def _of_face(pose: Array, shapes: Shapes, s: int, n: Vector) -> Vector:
+def _of_face(pose: Array, shapes: Shapes, s: int, m: int, n: Vector) -> Vector:
     """
-    Return the normal of the face of S along which a manifold with the normal n lies, or n.
+    Return the normal of the face of S where n is half way between those of faces of S and M.
 
-    Between two boxes of one volume n is half way between the normals of their faces.
+    As of two boxes of one volume; else n.
     """
-    face_normal = face_normal_along(pose, shapes, s, n)
-    return face_normal if dot(n, face_normal) > FLAT else n
+    n_S, n_M = face_normal_along(pose, shapes, s, n), face_normal_along(pose, shapes, m,
+                                                                        scale(-1.0, n))
+    both = subtract(n_S, n_M)
+    length = norm(both)
+    if length > 0.0 and dot(n, n_S) > FLAT and are_same(n, scale(1.0 / length, both)):
+        return n_S
+    return n
 
 
 @kernel
@@ -219,7 +231,7 @@ def _push(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, j: int, si
     on which of them were mended before.
     """
     n_T = _outward(seams.normal, j, side)
-    if not _is_one_direction(n, n_T):
+    if not are_same(n, n_T):
         return n_T
     t, _ = _shapes_of(rows, j, side)
     return face_normal_along(pose, shapes, t, n)
@@ -233,7 +245,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     at = _first(shapes, rows, seams, m, k, side)
     if seams.link[at & 1, at >> 1] < 0:
         return False
-    n = _of_face(pose, shapes, s, _outward(rows.normal, k, side))
+    n = _of_face(pose, shapes, s, m, _outward(rows.normal, k, side))
     most = FLUSH * shapes.half_width[s]
     c = _centre(pose, memory.turn, shapes, s)
     r = rows.r_A if side == 0 else rows.r_B
@@ -247,7 +259,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     for p in range(count):
         middle = add_scaled(middle, 1.0 / count, (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
     # A part of a face of S whose middle nothing covers goes on from all of its corners.
-    area = count > 2 and _is_one_direction(n, face_normal_along(pose, shapes, s, n))
+    area = count > 2 and are_same(n, face_normal_along(pose, shapes, s, n))
     if area:
         low, high = add(c, middle), add(c, middle)
     while at >= 0:
@@ -257,7 +269,8 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
             break       # a fixed M is met by each body for itself, whose pieces lie side by side
         if (s != t and _reaches(memory.box, t, low, high, most)
                 and _one_surface(pose, shapes, s, t)
-                and not _is_one_direction(n, _push(pose, shapes, rows, seams, j, other, n))):
+                and not _is_one_direction(shapes, s, t, n, _push(pose, shapes, rows, seams, j,
+                                                                 other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
                 x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
@@ -291,7 +304,7 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
         if rows.points[k] <= 0:
             continue
         points, standing = rows.points[k], 0
-        n = _of_face(memory.pose, shapes, s, _outward(rows.normal, k, side))
+        n = _of_face(memory.pose, shapes, s, m, _outward(rows.normal, k, side))
         for p in range(points):
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
             if stands(shapes, memory, rows, m, k, side, x, n):
@@ -374,7 +387,7 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
                     or not _one_surface(pose, shapes, s, t)):
                 continue
             n_T = _push(pose, shapes, rows, seams, j, other, n)
-            if _is_one_direction(n, n_T):
+            if _is_one_direction(shapes, s, t, n, n_T):
                 continue
             flush = tolerance(shapes, m, s, t)
             if (height(pose, shapes, t, x) > flush
