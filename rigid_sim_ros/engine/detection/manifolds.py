@@ -91,6 +91,7 @@ class Seams(NamedTuple):
     link: IntArray  # (2, c) of a side and a row: the code that follows, -1 for none
     back: IntArray  # (2, c) the code before
     suspect: IntArray  # (2 c,) codes of manifolds with a point where a third shape is
+    normal: Array  # (c, 3) from A to B, as the pair alone says, whatever seams make of it
     count: IntArray  # type: ignore[assignment]  # (1,) how many of these there are
 
 
@@ -189,7 +190,7 @@ def _scratch() -> Scratch:
 
 def _seams(shapes: int, capacity: int) -> Seams:
     return Seams(integers(shapes), integers(2, capacity), integers(2, capacity),
-                 integers(2 * capacity), integers(1))
+                 integers(2 * capacity), room(capacity, 3), integers(1))
 
 
 def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:

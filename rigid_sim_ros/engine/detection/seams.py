@@ -27,13 +27,13 @@ from rigid_sim_ros.engine.detection.manifold_rows import (
     find_row, mark_mended, pack_rows, take_point)
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams, smallest_gap)
-from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold, FLAT
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
     are_same, face, face_count, face_normal_along, height, way_out)
 from rigid_sim_ros.engine.detection.support import extreme, radius, reach
-from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale
+from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
 from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.engine.model.kinds.table import has_disc, is_faceted, is_unbounded
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -46,6 +46,9 @@ FLUSH = 1e-3
 # Of that tolerance: how exactly a point lies on a face. It tells an edge from a face at angles
 # above 1e-6 rad; rounding is far below.
 ON_FACE = 1e-6
+# The cosine of 1e-4 rad: what rests within the skin of contacts, 2e-5 of its size, may be tilted by
+# nearly as much. Of what lies on two faces with a smaller angle each bears its part.
+ONE_DIRECTION = 1.0 - 0.5e-8
 # cos 0.06 deg: axes that are parallel.
 PARALLEL = 1.0 - 5e-7
 # How often a point slides out of what covers it: once for each wall of a corner, and once to see.
@@ -92,6 +95,8 @@ def _link(shapes: Shapes, rows: Manifolds, first: int, count: int, seams: Seams)
     if not faceted:
         return False
     for k in range(first + count - 1, first - 1, -1):
+        for c in range(3):
+            seams.normal[k, c] = rows.normal[k, c]
         for side in range(2):
             _, m = _shapes_of(rows, k, side)
             after = seams.head[m]
@@ -131,10 +136,10 @@ def _shapes_of(rows: Manifolds, k: int, side: int) -> tuple[int, int]:
 
 
 @kernel
-def _outward(rows: Manifolds, k: int, side: int) -> Vector:
-    """Return the normal from S to M."""
+def _outward(normal: Array, k: int, side: int) -> Vector:
+    """Return the normal from S to M of row k, of normals from A to B, (c, 3)."""
     sign = 1.0 if side == 0 else -1.0
-    return (sign * rows.normal[k, 0], sign * rows.normal[k, 1], sign * rows.normal[k, 2])
+    return (sign * normal[k, 0], sign * normal[k, 1], sign * normal[k, 2])
 
 
 @kernel
@@ -187,14 +192,45 @@ def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
 
 
 @kernel
-def _push(pose: Array, shapes: Shapes, rows: Manifolds, j: int, side: int, n: Vector) -> Vector:
+def _is_one_direction(shapes: Shapes, s: int, t: int, n: Vector, m: Vector) -> bool:
+    """
+    Return whether faces of S and T with these normals are one surface.
+
+    Pieces of one body, and of what is fixed, lie as exactly as they were written; what rests on
+    the same floor does so within the skin of contacts.
+    """
+    if shapes.body[s] == shapes.body[t] or shapes.still[s] + shapes.still[t] == 2:
+        return are_same(n, m)
+    return dot(n, m) > ONE_DIRECTION
+
+
+@kernel
+def _of_face(pose: Array, shapes: Shapes, s: int, m: int, n: Vector) -> Vector:
+    """
+    Return the normal of the face of S where n is half way between those of faces of S and M.
+
+    As of two boxes of one volume; else n.
+    """
+    n_S, n_M = face_normal_along(pose, shapes, s, n), face_normal_along(pose, shapes, m,
+                                                                        scale(-1.0, n))
+    both = subtract(n_S, n_M)
+    length = norm(both)
+    if length > 0.0 and dot(n, n_S) > FLAT and are_same(n, scale(1.0 / length, both)):
+        return n_S
+    return n
+
+
+@kernel
+def _push(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, j: int, side: int,
+          n: Vector) -> Vector:
     """
     Return the direction in which T, of row j, pushes M.
 
     Where that is n, which other edges in a row may have as well, the normal of the face of T that
-    looks along n.
+    looks along n. It is the normal that the pair alone has: what seams made of its manifold depends
+    on which of them were mended before.
     """
-    n_T = _outward(rows, j, side)
+    n_T = _outward(seams.normal, j, side)
     if not are_same(n, n_T):
         return n_T
     t, _ = _shapes_of(rows, j, side)
@@ -209,7 +245,8 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     at = _first(shapes, rows, seams, m, k, side)
     if seams.link[at & 1, at >> 1] < 0:
         return False
-    n, most = _outward(rows, k, side), FLUSH * shapes.half_width[s]
+    n = _of_face(pose, shapes, s, m, _outward(rows.normal, k, side))
+    most = FLUSH * shapes.half_width[s]
     c = _centre(pose, memory.turn, shapes, s)
     r = rows.r_A if side == 0 else rows.r_B
     low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
@@ -232,7 +269,8 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
             break       # a fixed M is met by each body for itself, whose pieces lie side by side
         if (s != t and _reaches(memory.box, t, low, high, most)
                 and _one_surface(pose, shapes, s, t)
-                and not are_same(n, _push(pose, shapes, rows, j, other, n))):
+                and not _is_one_direction(shapes, s, t, n, _push(pose, shapes, rows, seams, j,
+                                                                 other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
                 x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
@@ -255,20 +293,21 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
     """
     Take contacts that are none off the manifolds that `find_seams` listed, and mend these.
 
-    A shape that the others do not hold keeps its nearest manifold: see `_hold`.
+    A shape that the others do not hold keeps its nearest manifold: see `_lacking`.
     """
     rows, seams, before = current(memory), memory.seams, earlier(memory)
     lost = 0
     for i in range(seams.count[0]):
         code = seams.suspect[i]
         k, side = (code >> 1) & INDEX, code & 1
-        _, m = _shapes_of(rows, k, side)
+        s, m = _shapes_of(rows, k, side)
         if rows.points[k] <= 0:
             continue
         points, standing = rows.points[k], 0
+        n = _of_face(memory.pose, shapes, s, m, _outward(rows.normal, k, side))
         for p in range(points):
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
-            if stands(shapes, memory, rows, m, k, side, x, _outward(rows, k, side)):
+            if stands(shapes, memory, rows, m, k, side, x, n):
                 standing |= 1 << p
         if standing == (1 << points) - 1:
             continue
@@ -286,22 +325,30 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
         mark_mended(rows, k)
         rows.points[k] = kept if kept > 0 else -points
     for i in range(seams.count[0]):
-        k, side = (seams.suspect[i] >> 1) & INDEX, seams.suspect[i] & 1
-        if rows.points[k] < 0:
-            lost -= _hold(shapes, rows, seams, k, side)
+        seams.suspect[i] = _lacking(shapes, rows, seams, seams.suspect[i])
+    for i in range(seams.count[0]):
+        k = seams.suspect[i]
+        if k >= 0 and rows.points[k] < 0:
+            rows.points[k] = -rows.points[k]
+            lost -= rows.points[k]
     memory.counters[CONTACTS] -= lost
     pack_rows(rows)
 
 
 @kernel
-def _hold(shapes: Shapes, rows: Manifolds, seams: Seams, k: int, side: int) -> int:
+def _lacking(shapes: Shapes, rows: Manifolds, seams: Seams, code: int) -> int:
     """
-    Give shape M back its nearest manifold if the others do not hold it; return how many points.
+    Return the row that shape M of a code needs back, if all points were taken of it; else -1.
+
+    It is its nearest manifold, and needed if the others do not hold the shape.
 
     They do not if there are none. Nor if what was taken overlaps by more than the tolerance, and
     they by less than half of that: M overlaps the union of its pieces at least as far as any of
     them, and would sink into this one.
     """
+    k, side = (code >> 1) & INDEX, code & 1
+    if rows.points[k] >= 0:
+        return -1
     s, m = _shapes_of(rows, k, side)
     at, best = _first(shapes, rows, seams, m, k, side), -1
     nearest, held = math.inf, math.inf
@@ -317,10 +364,7 @@ def _hold(shapes: Shapes, rows: Manifolds, seams: Seams, k: int, side: int) -> i
                 best, nearest = j, rows.gap[p, j]
         at = seams.link[other, j]
     sinks = nearest < -tolerance(shapes, m, s, s) and held > 0.5 * nearest
-    if held < math.inf and not sinks:
-        return 0
-    rows.points[best] = -rows.points[best]
-    return int(rows.points[best])
+    return -1 if held < math.inf and not sinks else best
 
 
 @kernel
@@ -342,8 +386,8 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
             if (s == t or not _reaches(memory.box, t, x, x, near)
                     or not _one_surface(pose, shapes, s, t)):
                 continue
-            n_T = _push(pose, shapes, rows, j, other, n)
-            if are_same(n, n_T):
+            n_T = _push(pose, shapes, rows, seams, j, other, n)
+            if _is_one_direction(shapes, s, t, n, n_T):
                 continue
             flush = tolerance(shapes, m, s, t)
             if (height(pose, shapes, t, x) > flush

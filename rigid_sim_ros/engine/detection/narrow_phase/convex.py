@@ -34,6 +34,8 @@ OVERHANG = 1e-5
 # The nearest points are added when the clipped ones miss them by this fraction of the size. What
 # the manifold misses can sink in unseen: 1e-3 let rims sink in by a tenth of a millimetre.
 MISSED = 1e-7
+# Sizes whose difference is less than this fraction are one: it is rounding.
+ALIKE = 1e-9
 # Of the size: where the search for a distance is less certain than this, the depth is looked for
 # instead.
 UNSURE = 1e-9
@@ -263,19 +265,22 @@ def _is_reference(shapes: Shapes, a: int, b: int, faces: Array, corners_a: int, 
 
     What the points are called, and which four of many are kept, must not depend on which shape is
     A. So the choice is one of the faces: a face before a line, one that is not tilted before one
-    that is, then the one with fewer sides, the longer line, the one of the larger shape.
+    that is, then the one with fewer sides, the longer line, the one of the larger shape. Of two
+    shapes of one size it is the one that is tilted less.
     """
     if corners_a == 2 or corners_b == 2:
         if corners_a != corners_b:
             return corners_a == 2
         return _square_of_length(faces[1]) > _square_of_length(faces[0])
-    tilted_a = abs(dot(_face_normal(faces[0], corners_a), n)) < TILTED
-    tilted_b = abs(dot(_face_normal(faces[1], corners_b), n)) < TILTED
-    if tilted_a != tilted_b:
-        return tilted_a
+    along_a = abs(dot(_face_normal(faces[0], corners_a), n))
+    along_b = abs(dot(_face_normal(faces[1], corners_b), n))
+    if (along_a < TILTED) != (along_b < TILTED):
+        return along_a < TILTED
     if corners_a != corners_b:
         return corners_b < corners_a
-    return bool(shapes.bound[b] > shapes.bound[a])
+    if abs(shapes.bound[a] - shapes.bound[b]) > ALIKE * shapes.bound[a]:
+        return bool(shapes.bound[b] > shapes.bound[a])
+    return along_b > along_a
 
 
 @kernel
