@@ -17,6 +17,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_axes import (
     AxisRows, HELD, list_rows, make_axis_rows, note_rates, write_axis_rows)
+from rigid_sim_ros.engine.constraints.welded_bodies import weld
 from rigid_sim_ros.engine.contact.contact_newton import (
     make_newton, Newton, number_bodies, refine_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
@@ -99,6 +100,7 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
     """
     rows, m = system.rows, chosen.shape[0]
     write_rows(model, contacts, bodies, chosen, width, COMPLIANCE, rows)
+    weld(model, table, work, width, m, rows)
     system.touched[0] = number_bodies(contacts, chosen, model.inv_m, system.newton.slot)
     _list_touched(rows, m, system)
     _list_moved(rows, m, width, system)
