@@ -70,11 +70,11 @@ def _welded_inertia(model: Model, table: JointTable, work: JointWork, r: int) ->
     left, n = table.welded_to[r] + 1, table.welded[r]
     while left > 0:
         if table.welded[n] == table.welded[r]:
-            part = model.m[table.body[n]]
-            center, left = add_scaled(center, part, add(row(work.p, n), row(work.com, n))), left - 1
+            at = add(row(work.p, n), row(work.com, n))
+            center, left = add_scaled(center, model.m[table.body[n]], at), left - 1
         n += 1
     center = scale(1.0 / m, center)
-    I_W = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    I_W: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     left, n = table.welded_to[r] + 1, table.welded[r]
     while left > 0:
         if table.welded[n] == table.welded[r]:

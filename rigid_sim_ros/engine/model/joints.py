@@ -334,7 +334,8 @@ def build_joints(joints: Sequence[Joint], mass: Sequence[float]) -> JointTable:
         _integers([row.body for row in rows]), _integers([row.parent for row in rows]),
         _integers([row.joint for row in rows]), _integers([row.base for row in rows]),
         np.array([row.sense for row in rows], dtype=np.float64), _integers(first_axis),
-        welded, np.bincount(welded, minlength=len(rows))[welded] - 1, _integers(forest.row_of), _integers([axis[0] for axis in axes]),
+        welded, np.bincount(welded, minlength=len(rows))[welded] - 1, _integers(forest.row_of),
+        _integers([axis[0] for axis in axes]),
         _integers([axis[1] for axis in axes]), _rows([axis[2] for axis in axes], 3),
         _integers(axis_joint),
         LawTable._make(np.array([law[k] for law in laws], dtype=np.float64)
