@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.welded_bodies import welded_mass
 from rigid_sim_ros.engine.contact.contact_rows import Rows
 from rigid_sim_ros.engine.joints.answers import answer, push_nothing, want_all
 from rigid_sim_ros.engine.joints.buffers import JointWork, UNLOCKED
 from rigid_sim_ros.engine.joints.laws import impulse_at, kink_of, KINKS, reaction_of
 from rigid_sim_ros.engine.joints.loops import take_within_loops
+from rigid_sim_ros.engine.joints.welded_bodies import welded_mass
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray

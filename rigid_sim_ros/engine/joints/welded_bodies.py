@@ -1,13 +1,15 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How bodies answer to impulses that fixed joints make one body of, if nothing else held them.
+What fixed joints make one body of: its mass, its answer to an impulse, its levers.
 
-How much a row of contact yields is a share of what it moves without joints. A fixed joint has no
-part in that: halves that it holds together are one body, however the whole is divided.
+How large an articulation is, and what a body of it would move if no joint held it, are measures
+for others. A fixed joint has no part in them: halves that it holds together are one body, however
+the whole is divided.
 """
 
-from rigid_sim_ros.engine.contact.contact_rows import Rows
+import math
+
 from rigid_sim_ros.engine.joints.buffers import JointWork
 from rigid_sim_ros.engine.maths.spatial import Six
 from rigid_sim_ros.engine.maths.vector import (
@@ -16,24 +18,6 @@ from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Vector
 from rigid_sim_ros.kernels.kernel import kernel
-
-
-@kernel
-def weld(model: Model, table: JointTable, work: JointWork, width: int, m: int, rows: Rows) -> None:
-    """Write to rows.stiff of m points what they move if fixed joints hold, and no others."""
-    for c in range(m):
-        for side in range(2):
-            r = table.row_of_body[rows.body[c, side]]
-            if r == NONE or table.welded_to[r] == 0:
-                continue
-            x, at = add(row(work.p, r), row(work.com, r)), 6 * side
-            for i in range(width * c, width * c + width):
-                f = (rows.G[i, at], rows.G[i, at + 1], rows.G[i, at + 2])
-                n = (rows.G[i, at + 3], rows.G[i, at + 4], rows.G[i, at + 5])
-                own = 0.0
-                for k in range(at, at + 6):
-                    own += rows.G[i, k] * rows.W[rows.at[i] + k]
-                rows.stiff[i] += welded_answer(model, table, work, r, x, f, n) - own
 
 
 @kernel
@@ -87,3 +71,49 @@ def _welded_inertia(model: Model, table: JointTable, work: JointWork, r: int) ->
             left -= 1
         n += 1
     return m, center, I_W
+
+
+@kernel
+def longest_lever(model: Model, table: JointTable, work: JointWork, g: int) -> float:
+    """
+    Return the length [m] of articulation g: its longest lever, or radius of gyration of a body.
+
+    A lever goes from the joint on which a body hangs to its centre, or to a joint on it.
+    """
+    square = 0.0
+    for i in range(table.first_row[g], table.first_row[g + 1]):
+        if table.welded_to[i] == 0:
+            body, com = table.body[i], row(work.com, i)
+            square = max(square, dot(com, com))
+            for n in range(3):
+                square = max(square, model.I_C[n, body] / model.m[body])
+        elif table.welded[i] == i:
+            m, center, I_W = _welded_inertia(model, table, work, i)
+            com = subtract(center, row(work.p, i))
+            square = max(square, dot(com, com), _largest_moment(I_W) / m)
+        if table.welded[i] == i and table.parent[i] != NONE:
+            # The rows of a welded body begin with the one that hangs on another body.
+            arm = row(work.arm, i)
+            if table.welded_to[table.parent[i]] > 0:
+                arm = subtract(row(work.p, i), row(work.p, table.welded[table.parent[i]]))
+            square = max(square, dot(arm, arm))
+    return math.sqrt(square)
+
+
+@kernel
+def _largest_moment(I_W: Six) -> float:
+    """
+    Return the largest principal moment of an inertia tensor (xx xy xz yy yz zz).
+
+    Smith, Eigenvalues of a symmetric 3 x 3 matrix, Communications of the ACM 4 (1961).
+    """
+    mean = (I_W[0] + I_W[3] + I_W[5]) / 3.0
+    x, y, z = I_W[0] - mean, I_W[3] - mean, I_W[5] - mean
+    off = (I_W[1], I_W[2], I_W[4])
+    spread = math.sqrt((x * x + y * y + z * z + 2.0 * dot(off, off)) / 6.0)
+    if spread == 0.0:
+        return mean
+    determinant = (x * (y * z - off[2] * off[2]) - off[0] * (off[0] * z - off[2] * off[1])
+                   + off[1] * (off[0] * off[2] - y * off[1]))
+    share = min(max(0.5 * determinant / (spread * spread * spread), -1.0), 1.0)
+    return mean + 2.0 * spread * math.cos(math.acos(share) / 3.0)
