@@ -8,7 +8,7 @@ one of these again.
 """
 
 from effort import either
-from laws.book import breaches, builder, MIXED, scene
+from laws.book import breaches, builder, judge, MIXED, scene
 from laws.mixed_laws import judge_ground
 from laws.motion import Ours
 from laws.scenes import with_model
@@ -72,4 +72,11 @@ def test_in_these_scenes_bodies_fall_asleep_and_are_woken():
 def test_what_bounced_in_a_part_of_a_step_is_among_its_contacts(model, seed):
     """In these the steps are taken in parts, and points of contact come and go between them."""
     verdict = judge_ground(scene('mixed-ground', seed), builder(model))
+    assert not verdict.breach, f'{verdict.figure:.3g} > {verdict.allowed:.3g} {verdict.what}'
+
+
+@pytest.mark.parametrize(('model', 'seed'), [('timestep', 2), ('timestep', 17), ('event', 2)])
+def test_how_a_body_is_divided_does_not_change_what_a_step_does(model, seed):
+    """In these a half is pushed out of what it overlaps, or a step is taken in parts or not."""
+    verdict = judge('mixed-split', seed, builder(model))
     assert not verdict.breach, f'{verdict.figure:.3g} > {verdict.allowed:.3g} {verdict.what}'

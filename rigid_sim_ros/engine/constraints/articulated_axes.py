@@ -9,7 +9,8 @@ friction, limits and bounded drives are then found together with the impulses at
 There it is free but for what is proportional to its rate.
 
 The rate of a row is that of its axis times a length, so that it can be compared with velocities of
-points: the radius of gyration of what the axis feels, with the mass of its body.
+points: the radius of gyration of what the axis feels, with the mass of its body,
+and of what fixed joints hold to that.
 """
 
 import math
@@ -22,6 +23,7 @@ from rigid_sim_ros.engine.joints.answers import answer, push_nothing, want_all
 from rigid_sim_ros.engine.joints.buffers import JointWork, UNLOCKED
 from rigid_sim_ros.engine.joints.laws import impulse_at, kink_of, KINKS, reaction_of
 from rigid_sim_ros.engine.joints.loops import take_within_loops
+from rigid_sim_ros.engine.joints.welded_bodies import welded_mass
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -140,7 +142,7 @@ def list_rows(model: Model, table: JointTable, work: JointWork, axes: AxisRows, 
             if axes.is_row[k] == 1:
                 q = rows.scalar.present[0]
                 axes.axis[q] = k
-                axes.scale[q] = math.sqrt(work.felt[k] / model.m[table.body[r]])
+                axes.scale[q] = math.sqrt(work.felt[k] / welded_mass(model, table, r))
                 rows.b[n + q], rows.f[n + q] = axes.scale[q] * work.rate[k], 0.0
                 rows.scalar.present[0] = q + 1
 

@@ -31,6 +31,7 @@ from rigid_sim_ros.engine.joints.articulated import momenta_of, solve, velocity_
 from rigid_sim_ros.engine.joints.buffers import JointWork
 from rigid_sim_ros.engine.joints.loops import (
     answer_within_loops, ask_nothing, take_within_loops)
+from rigid_sim_ros.engine.joints.welded_bodies import welded_answer
 from rigid_sim_ros.engine.maths.spatial import set_six, six
 from rigid_sim_ros.engine.maths.vector import add, column, cross, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
@@ -99,6 +100,7 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
     """
     rows, m = system.rows, chosen.shape[0]
     write_rows(model, contacts, bodies, chosen, width, COMPLIANCE, rows)
+    _weld(model, table, work, width, m, rows)
     system.touched[0] = number_bodies(contacts, chosen, model.inv_m, system.newton.slot)
     _list_touched(rows, m, system)
     _list_moved(rows, m, width, system)
@@ -114,6 +116,25 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
     # Of one island only: of several at once each would hear of the others, if only as rounding.
     if width * m < 6 * system.touched[0] or rows.scalar.present[0] > 0:
         write_matrix(rows, m, width, model.inv_m)
+
+
+@kernel
+def _weld(model: Model, table: JointTable, work: JointWork, width: int, m: int,
+          rows: Rows) -> None:
+    """Write to rows.stiff of m points what they move if fixed joints hold, and no others."""
+    for c in range(m):
+        for side in range(2):
+            r = table.row_of_body[rows.body[c, side]]
+            if r == NONE or table.welded_to[r] == 0:
+                continue
+            x, at = add(row(work.p, r), row(work.com, r)), 6 * side
+            for i in range(width * c, width * c + width):
+                f = (rows.G[i, at], rows.G[i, at + 1], rows.G[i, at + 2])
+                n = (rows.G[i, at + 3], rows.G[i, at + 4], rows.G[i, at + 5])
+                own = 0.0
+                for k in range(at, at + 6):
+                    own += rows.G[i, k] * rows.W[rows.at[i] + k]
+                rows.stiff[i] += welded_answer(model, table, work, r, x, f, n) - own
 
 
 @kernel

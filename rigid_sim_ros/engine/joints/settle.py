@@ -14,8 +14,8 @@ from rigid_sim_ros.engine.joints.joint_coordinates import place_joints
 from rigid_sim_ros.engine.joints.laws import (
     begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of, speed_along)
 from rigid_sim_ros.engine.joints.loops import close, factor_conditions, place_conditions
+from rigid_sim_ros.engine.joints.welded_bodies import longest_lever
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, six
-from rigid_sim_ros.engine.maths.vector import dot, row
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -60,15 +60,11 @@ def place(model: Model, table: JointTable, state: State, work: JointWork) -> Non
 @kernel
 def _write_units(model: Model, table: JointTable, state: State, work: JointWork, g: int) -> None:
     """Write the length of articulation g, and to what its joints are closed: TOLERANCE."""
-    square, farthest = 0.0, 0.0
+    farthest, length = 0.0, longest_lever(model, table, work, g)
     begin, end = table.first_row[g], table.first_row[g + 1]
     for i in range(begin, end):
-        body, com, arm = table.body[i], row(work.com, i), row(work.arm, i)
-        square = max(square, dot(com, com), dot(arm, arm))
         for n in range(3):
-            square = max(square, model.I_C[n, body] / model.m[body])
-            farthest = max(farthest, abs(state.x[n, body]))
-    length = math.sqrt(square)
+            farthest = max(farthest, abs(state.x[n, table.body[i]]))
     tolerance = max(TOLERANCE, ROUNDED * farthest / length)
     work.length[g], work.tolerance[g] = length, tolerance
     for k in range(table.first_axis[begin], table.first_axis[end]):

@@ -125,6 +125,8 @@ class JointTable(NamedTuple):
     # from its child to its parent
     sense: Array
     first_axis: IntArray        # (r + 1,)
+    welded: IntArray    # (r,) the first row of those that fixed joints make one body of
+    welded_to: IntArray     # (r,) how many others these are
     row_of_body: IntArray       # (n,) NONE: no joint holds it
     # --- a row for each axis
     translates: IntArray        # (k,) 1 or 0: rotates
@@ -320,6 +322,7 @@ def build_joints(joints: Sequence[Joint], mass: Sequence[float]) -> JointTable:
         first_axis.append(len(axes))
     driven = [j != NONE and (joints[j].has_drive or joints[j].laws != Laws()) for j in axis_joint]
     conditions, first_condition = _conditions(joints, forest, row_of_joint, first_axis)
+    welded = _welded(joints, forest)
     coupled = np.array([c.axes for c in conditions], dtype=np.int64).reshape(-1, 2)
     return JointTable(
         _integers([joint.kind for joint in joints]),
@@ -331,7 +334,8 @@ def build_joints(joints: Sequence[Joint], mass: Sequence[float]) -> JointTable:
         _integers([row.body for row in rows]), _integers([row.parent for row in rows]),
         _integers([row.joint for row in rows]), _integers([row.base for row in rows]),
         np.array([row.sense for row in rows], dtype=np.float64), _integers(first_axis),
-        _integers(forest.row_of), _integers([axis[0] for axis in axes]),
+        welded, np.bincount(welded, minlength=len(rows))[welded] - 1, _integers(forest.row_of),
+        _integers([axis[0] for axis in axes]),
         _integers([axis[1] for axis in axes]), _rows([axis[2] for axis in axes], 3),
         _integers(axis_joint),
         LawTable._make(np.array([law[k] for law in laws], dtype=np.float64)
@@ -340,6 +344,17 @@ def build_joints(joints: Sequence[Joint], mass: Sequence[float]) -> JointTable:
         _integers([c.joint for c in conditions]), _integers([c.place for c in conditions]),
         coupled, _rows([np.array(c.coupling) for c in conditions], 2),
         _integers(forest.first_row), _integers(first_condition))
+
+
+def _welded(joints: Sequence[Joint], forest: _Forest) -> IntArray:
+    """Return the first row of those that fixed joints make one body of, for each row (r,)."""
+    first = np.arange(len(forest.rows))
+    for joint in joints:
+        if joint.kind == FIXED and WORLD not in (joint.body_a, joint.body_b):
+            a, b = forest.row_of[joint.body_a], forest.row_of[joint.body_b]
+            if NONE not in (a, b):
+                _unite(first, a, b)
+    return _integers([_first_of(first, r) for r in range(len(first))])
 
 
 def axis_groups(table: JointTable) -> IntArray:
