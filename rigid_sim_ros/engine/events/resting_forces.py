@@ -245,7 +245,8 @@ def _reach(shapes: Shapes, m: int, width: int, span: float, w: Buffers) -> float
 
 
 @kernel
-def _solve_with_levers(model: Model, shapes: Shapes, g: int, m: int, steps: int, span: float, w: Buffers) -> bool:
+def _solve_with_levers(model: Model, shapes: Shapes, g: int, m: int, steps: int, span: float,
+                       w: Buffers) -> bool:
     """
     Find the forces with the levers that bodies have which move under them, if there are any.
 
