@@ -37,3 +37,11 @@ def test_what_once_got_through_the_ground_does_not(seed):
 @pytest.mark.parametrize('seed', [3, 16])
 def test_a_disk_that_wobbles_does_not_get_through_a_mesh(seed):
     assert not breaches('thin-through', 'event', [seed])
+
+
+# In `event`, columns toppled off a needle under a disk as long as it, of which the points that
+# were kept bore half of the width; and a needle under a million times its weight tilted, and was
+# squeezed out, by what its points yielded: that counts against its thickness, not its length.
+@pytest.mark.parametrize('seed', [1052, 1060, 1092])
+def test_a_column_on_a_needle_stands(seed):
+    assert not breaches('thin-weight', 'event', [seed])

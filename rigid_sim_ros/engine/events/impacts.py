@@ -215,7 +215,7 @@ def _stop_together(c: EventArguments, g: int) -> bool:
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[n], width, rows.b, width * n)
     for i in range(width * m):
         rows.f[i], w.proximal[i] = 0.0, 0.0
-    stops = solve(m, width, 0, False, 0.0, w)
+    stops = solve(c.shapes, m, width, 0, False, 0.0, w)
     w.groups.residual[g] = max(w.groups.residual[g], w.now.worst[0])
     if w.now.worst[0] > TOLERANCE:
         w.now.unsolved[0] += 1

@@ -12,6 +12,7 @@ from rigid_sim_ros.engine.dynamics.kinematic import carry
 from rigid_sim_ros.engine.events.buffers import EventArguments
 from rigid_sim_ros.engine.maths.algebra import cross
 from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import least_lever, Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -72,8 +73,9 @@ def _kick(state: State, loads: Loads, times: Array, share: float) -> None:
 
 
 @kernel
-def shift_levers(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, width: int,
-                 rows: Rows, span: float, goal: float, assumed: Array) -> bool:
+def shift_levers(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodies,
+                 chosen: IntArray, width: int, rows: Rows, span: float, goal: float,
+                 assumed: Array) -> bool:
     """
     Bring levers to where the centres are in the middle of the span [s] under contact forces.
 
@@ -89,7 +91,8 @@ def shift_levers(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntAr
         w_A, w_B = model.inv_m[a], model.inv_m[b]
         if w_A == 0.0 or w_B == 0.0:
             continue
-        strong = rows.stiff[row_n] * rows.f[row_n] / contacts.size[k]
+        lever = least_lever(shapes, contacts.shape_a[k], contacts.shape_b[k])
+        strong = rows.stiff[row_n] * rows.f[row_n] / lever
         for i in range(3):
             now = bodies.acceleration[b, i] + z[b, i] - bodies.acceleration[a, i] - z[a, i]
             apart = 0.25 * span * span * (now - (assumed[b, i] - assumed[a, i]))

@@ -23,6 +23,7 @@ from rigid_sim_ros.engine.events.groups import (
     Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES, NOTHING, WORKS)
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import least_lever, Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -192,7 +193,8 @@ def room_for(model: Model, w: Buffers, m: int) -> bool:
 
 
 @kernel
-def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) -> bool:
+def solve(shapes: Shapes, m: int, width: int, steps: int, again: bool, span: float,
+          w: Buffers) -> bool:
     """
     Find the forces of the first m points from what stands there, whatever they have to carry.
 
@@ -201,7 +203,7 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
     the time before (the proximal point algorithm: Rockafellar, Monotone operators and the proximal
     point algorithm, SIAM J. Control Optim. 14 (1976)). A light body under a load tilts by what is
     left, and is driven aside by a part of the load, so that is to be as much smaller as the load
-    would move it in the span; 0 s asks for nothing of that.
+    would move it in the span, in levers as short as it is thin; 0 s asks for nothing of that.
 
     `again`: a problem like the one before, of the same points.
 
@@ -222,7 +224,7 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
         for i in range(width * m):
             yields = max(yields, abs(rows.compliance[i] * rows.f[i] - w.proximal[i]))
         if (w.now.worst[0] > TOLERANCE
-                or yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size):
+                or yields * max(1.0, _reach(shapes, m, width, span, w)) <= YIELDS * size):
             return True
         if abs(yields - last) < STUCK_AT * yields:
             return yields <= YIELDS * size
@@ -233,17 +235,18 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
 
 
 @kernel
-def _reach(m: int, width: int, span: float, w: Buffers) -> float:
-    """Return how far the force at one point alone would move its bodies in a span, in sizes."""
-    rows, reach = w.rows, 0.0
+def _reach(shapes: Shapes, m: int, width: int, span: float, w: Buffers) -> float:
+    """Return how far the force at one point alone would move its bodies in a span, in levers."""
+    rows, contacts, reach = w.rows, w.contacts, 0.0
     for c in range(m):
-        far = rows.f[width * c] * rows.stiff[width * c] * span * span
-        reach = max(reach, far / w.contacts.size[w.chosen[c]])
+        k, far = w.chosen[c], rows.f[width * c] * rows.stiff[width * c] * span * span
+        reach = max(reach, far / least_lever(shapes, contacts.shape_a[k], contacts.shape_b[k]))
     return reach
 
 
 @kernel
-def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w: Buffers) -> bool:
+def _solve_with_levers(model: Model, shapes: Shapes, g: int, m: int, steps: int, span: float,
+                       w: Buffers) -> bool:
     """
     Find the forces with the levers that bodies have which move under them, if there are any.
 
@@ -260,17 +263,17 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
     goal = 0.0
     for i in range(width * m):
         goal = max(goal, LEVERS * abs(rows.b[i]))
-    if not solve(m, width, steps, False, span, w):
+    if not solve(shapes, m, width, steps, False, span, w):
         return False
     for _ in range(AGAIN):
         if w.now.worst[0] > TOLERANCE or effort_left(w, g) < 0.0:
             return True
         write_effects(rows, m, width, rows.f)
-        if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
-                            w.assumed):
+        if not shift_levers(model, shapes, w.contacts, w.bodies, w.chosen[:m], width, rows, span,
+                            goal, w.assumed):
             return True
         write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
-        if not solve(m, width, FEW_STEPS, True, span, w):
+        if not solve(shapes, m, width, FEW_STEPS, True, span, w):
             return False
     return True
 
@@ -306,7 +309,7 @@ def balance(c: EventArguments, g: int) -> int:
         w.now.is_deep[0] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = recall_forces(model, contacts, chosen, width, c.carried, w.match, rows.f)
-    if not _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w):
+    if not _solve_with_levers(model, shapes, g, m, FEW_STEPS if known else 0, span, w):
         end_short(g, NO_FORCES, groups)
     groups.effort[g] = w.newton.effort[0]
     return STUCK if w.now.worst[0] > TOLERANCE and m <= FOR_OSQP else DONE

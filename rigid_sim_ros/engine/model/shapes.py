@@ -257,6 +257,20 @@ def smaller(shapes: Shapes, a: int, b: int) -> float:
     return min(shapes.bound[a], shapes.bound[b])
 
 
+@kernel
+def least_lever(shapes: Shapes, a: int, b: int) -> float:
+    """
+    Return the half width [m] of the thinner of two shapes of which one moves, of those that move.
+
+    As short may the levers be with which forces between them turn a body.
+    """
+    least = np.inf
+    for s in (a, b):
+        if shapes.still[s] == 0:
+            least = min(least, shapes.half_width[s])
+    return least
+
+
 def can_meet(shapes: Shapes) -> bool:
     """Return whether there are two shapes of which one moves."""
     return len(shapes.body) > 1 and bool((shapes.still == 0).any())

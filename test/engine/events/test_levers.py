@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.events.move import shift_levers
+from rigid_sim_ros.kernels.kernel import in_python
 
 SPAN = 0.01                         # s
 MASS = np.array([2.0, 0.5])         # kg
@@ -23,17 +24,19 @@ def middle(acceleration):
 def test_the_levers_of_both_bodies_meet_at_one_point_in_the_middle_of_the_way():
     rng = np.random.default_rng(7)
     model = SimpleNamespace(inv_m=1.0 / MASS)
+    shapes = SimpleNamespace(still=np.zeros(2), half_width=np.ones(2))
     r = rng.normal(size=(2, 1, 3))
-    contacts = SimpleNamespace(body_a=np.array([0]), body_b=np.array([1]), size=np.ones(1),
+    contacts = SimpleNamespace(body_a=np.array([0]), body_b=np.array([1]),
+                               shape_a=np.array([0]), shape_b=np.array([1]),
                                r_A=r[0].copy(), r_B=r[1].copy())
     bodies = SimpleNamespace(acceleration=rng.normal(size=(2, 3)))
     rows = SimpleNamespace(z=rng.normal(size=(2, 3)), stiff=np.ones(1), f=np.ones(1))
     chosen, assumed = np.array([0]), rng.normal(size=(2, 3))
-    arguments = model, contacts, bodies, chosen, 1, rows, SPAN
+    arguments = model, shapes, contacts, bodies, chosen, 1, rows, SPAN
     # The levers are right for the accelerations that were assumed: both end at x + r.
     x = np.array([-r[0, 0], -r[1, 0]]) - middle(assumed)
     now = bodies.acceleration + rows.z
-    assert shift_levers.py_func(*arguments, 1e-9, assumed)
+    assert in_python(shift_levers)(*arguments, 1e-9, assumed)
     ends = x + middle(now) + np.array([contacts.r_A[0], contacts.r_B[0]])
     # Sums of some terms of 1 m.
     assert ends[0] == pytest.approx(ends[1], abs=1e-15)
@@ -43,5 +46,5 @@ def test_the_levers_of_both_bodies_meet_at_one_point_in_the_middle_of_the_way():
     assert assumed == pytest.approx(now, abs=0.0)
     # What is right already stays.
     before = contacts.r_A.copy()
-    assert not shift_levers.py_func(*arguments, 1e-9, assumed)
+    assert not in_python(shift_levers)(*arguments, 1e-9, assumed)
     assert contacts.r_A == pytest.approx(before, abs=0.0)

@@ -19,6 +19,9 @@ UNSEEN = 1e-6
 # Of the size: a point that is so much farther from touching than the deepest one carries nothing
 # soon. More lets the upper corners of what is as small as it looks ahead span the manifold.
 FAR = 0.5
+# Points in the corners are preferred to the farthest ones where the area between them is so much
+# larger. At 1 those of a square would be chosen by rounding.
+WIDER = 1.25
 
 
 @kernel
@@ -27,9 +30,10 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     Keep at most four of `count` candidates, and return how many.
 
     Of the deepest the one farthest from any other, the one farthest from it, the one that spans
-    the largest triangle with these, and the one that adds most to that triangle. Of points that
-    are alike, as on a rim, that with the least feature: their order begins where rounding lets the
-    clipping begin. `size` [m] is that of the smaller shape.
+    the largest triangle with these, and the one that adds most to that triangle; or the corners of
+    the rectangle around all, where these span more. Of points that are alike, as on a rim, that
+    with the least feature: their order begins where rounding lets the clipping begin. `size` [m]
+    is that of the smaller shape.
     """
     if count > 4:
         count = _drop_far(points, ids, count, size)
@@ -53,7 +57,7 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
             side = 1.0 if area > 0.0 else -1.0
     if third < 0:
         return _keep_deepest(points, ids, count, first, second, second, second, size)
-    fourth, best = third, PREFERENCE * best
+    fourth, spanned, best = third, best, PREFERENCE * best
     for k in range(count):
         # What lies outside of an edge of the triangle has the other sign there.
         gain = -min(side * _area(points, first, second, k, normal),
@@ -61,7 +65,53 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
                     side * _area(points, third, first, k, normal))
         if gain > best * (1.0 + PREFERENCE):
             fourth, best = k, gain
+    if fourth != third:
+        a, b, c, e = _corners(points, count, first, second, normal)
+        if _span(points, a, b, c, e, normal) > WIDER * (spanned + best):
+            first, second, third, fourth = a, b, c, e
     return _keep_deepest(points, ids, count, first, second, third, fourth, size)
+
+
+@kernel
+def _corners(points: Array, count: int, first: int, second: int,
+             normal: Vector) -> tuple[int, int, int, int]:
+    """
+    Return the candidates farthest towards the corners of the rectangle around all of them.
+
+    Its sides are along the line from `first` to `second` and across. Where that line is the
+    longest of a strip whose ends are round or pointed, as of a box under a disk that is as long,
+    its ends are not corners of the strip, and with them it is borne on half of its width.
+    """
+    along = _between(points, first, second)
+    across = cross(normal, along)
+    x_low, x_high, y_low, y_high = 0.0, 0.0, 0.0, 0.0
+    for k in range(count):
+        d = _between(points, first, k)
+        x, y = dot(along, d), dot(across, d)
+        x_low, x_high = min(x_low, x), max(x_high, x)
+        y_low, y_high = min(y_low, y), max(y_high, y)
+    a, b, c, bottom = first, first, first, first
+    best_a, best_b, best_c, best_d = -math.inf, -math.inf, -math.inf, -math.inf
+    for k in range(count):
+        d = _between(points, first, k)
+        # From 0 to 1 across the rectangle.
+        x = (dot(along, d) - x_low) / (x_high - x_low)
+        y = (dot(across, d) - y_low) / (y_high - y_low)
+        if x + y > best_a + PREFERENCE:
+            a, best_a = k, x + y
+        if y - x > best_b + PREFERENCE:
+            b, best_b = k, y - x
+        if -x - y > best_c + PREFERENCE:
+            c, best_c = k, -x - y
+        if x - y > best_d + PREFERENCE:
+            bottom, best_d = k, x - y
+    return a, b, c, bottom
+
+
+@kernel
+def _span(points: Array, a: int, b: int, c: int, d: int, normal: Vector) -> float:
+    """Return twice the area of the polygon a b c d [m^2]: the product of its diagonals."""
+    return dot(cross(_between(points, a, c), _between(points, b, d)), normal)
 
 
 @kernel
