@@ -149,11 +149,14 @@ class Page:
         return self._spots_in(self._picture(), hue)
 
     def _spots_in(self, picture: np.ndarray, hue: int) -> list[tuple[float, float]]:
-        mask = _mask(picture, hue, _HUE)
-        labels, count = ndimage.label(mask)
-        sizes = ndimage.sum_labels(mask, labels, range(1, count + 1))
-        large = [k + 1 for k, size in enumerate(sizes) if size >= _LEAST]
-        return [(x, y) for y, x in ndimage.center_of_mass(mask, labels, large)]
+        labels, _ = ndimage.label(_mask(picture, hue, _HUE))
+        # Of the few pixels that have the colour alone: ndimage's sums go through the picture.
+        y, x = np.nonzero(labels)
+        spot = labels[y, x]
+        sizes = np.bincount(spot)
+        columns, rows = np.bincount(spot, x), np.bincount(spot, y)
+        large = np.flatnonzero(sizes >= _LEAST)
+        return list(zip(columns[large] / sizes[large], rows[large] / sizes[large], strict=True))
 
     def pixels(self, hue: int, within: float = _NARROW_HUE) -> int:
         """Return how many pixels have a colour, given in degrees."""

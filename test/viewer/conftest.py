@@ -14,6 +14,14 @@ from free import free_port
 import pytest
 
 _LOOK = 0.2     # [s] between two looks for a free place
+# Since Chromium is one program with a window and without one, each window has pages of its own for
+# what is typed into its address bar: 1.8 s of a processor, as much as it takes to read our page.
+# Of a switch that is given twice the last one counts, so what Playwright leaves out and these
+# tests may meet is here too: requests to the internet, and pictures that wait.
+_LEFT_OUT = ('WebUIOmniboxPopup', 'WebUIOmniboxAimPopup', 'AimEnabled', 'PreconnectToSearch',
+             'OptimizationHints', 'NetworkTimeServiceQuerying', 'MediaRouter', 'HttpsUpgrades',
+             'HttpsFirstBalancedModeAutoEnable', 'PaintHolding', 'DestroyProfileOnBrowserClose',
+             'AvoidUnnecessaryBeforeUnloadCheckSync')
 
 
 @pytest.fixture(scope='session')
@@ -27,7 +35,10 @@ def chromium() -> Iterator[Any]:
         # Root may not use Chromium's sandbox.
         browser = tool.chromium.launch(executable_path=program, args=[
             '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
-            '--disable-gpu-compositing'])
+            '--disable-gpu-compositing', f'--disable-features={",".join(_LEFT_OUT)}',
+            # A page is open for half a minute: code that is optimized for it takes longer to
+            # compile than it saves, 0.7 s of a processor for each page.
+            '--js-flags=--no-opt,--no-maglev'])
         yield browser
         browser.close()
 
