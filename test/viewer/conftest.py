@@ -35,10 +35,7 @@ def chromium() -> Iterator[Any]:
         # Root may not use Chromium's sandbox.
         browser = tool.chromium.launch(executable_path=program, args=[
             '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
-            '--disable-gpu-compositing', f'--disable-features={",".join(_LEFT_OUT)}',
-            # A page is open for half a minute: code that is optimized for it takes longer to
-            # compile than it saves, 0.7 s of a processor for each page.
-            '--js-flags=--no-opt,--no-maglev'])
+            '--disable-gpu-compositing', f'--disable-features={",".join(_LEFT_OUT)}'])
         yield browser
         browser.close()
 
