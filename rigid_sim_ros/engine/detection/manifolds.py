@@ -96,7 +96,7 @@ class Seams(NamedTuple):
 
 
 CANDIDATES = 96
-NEAR = 64
+PAIRS_LISTED = 64  # near pairs of one thread, at a time
 EPA_CORNERS = 160
 EPA_FACES = 512
 
@@ -131,7 +131,7 @@ class Memory(NamedTuple):
     scratch: Scratch
     other_scratch: Scratch  # for a second thread
     left: IntArray  # (2, 8) first of all how many shapes of either half left their fat boxes
-    near: IntArray  # (2, NEAR) some pairs whose bounding boxes overlap, of either thread
+    near: IntArray  # (2, PAIRS_LISTED) some pairs whose bounding boxes overlap, of either thread
     looked: IntArray  # (2,) new pairs that either thread has in `fresh`, -1 if it had no room
     shares: IntArray  # (2, 8) what either thread found, see parallel_detection.py
     ranges: IntArray  # (2, 6) the `Share` of either thread
@@ -200,7 +200,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(s),
         room(s, 6), unsettled(bodies), make_grid(s), integers(3), _names(2 * capacity, 2),
         _names(4, 4 * s, 2), integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(),
-        _scratch(), integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
+        _scratch(), integers(2, 8), integers(2, PAIRS_LISTED), integers(2), integers(2, 8), integers(2, 6),
         integers(1), room(2, bodies, kind=np.int8), _seams(s, capacity))
     forget_pairs(memory)
     return memory
