@@ -30,8 +30,8 @@ from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 from rigid_sim_ros.kernels.separate import address_of, by_address
 
-# What a thread counts besides what is in `Memory.counters`: pairs left out for want of `search`, and
-# manifolds.
+# What a thread counts besides what is in `Memory.counters`: pairs left out for want of `search`,
+# and manifolds.
 UNSEARCHED, ROWS = 6, 7
 # The stages: everything but seams; what moved; the partners of what moved, by the first thread and
 # by the second, and taken in; the manifolds, by the first thread and by the second, and by one

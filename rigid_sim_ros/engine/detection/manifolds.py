@@ -200,8 +200,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(s),
         room(s, 6), unsettled(bodies), make_grid(s), integers(3), _names(2 * capacity, 2),
         _names(4, 4 * s, 2), integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(),
-        _scratch(), integers(2, 8), integers(2, PAIRS_LISTED), integers(2), integers(2, 8), integers(2, 6),
-        integers(1), room(2, bodies, kind=np.int8), _seams(s, capacity))
+        _scratch(), integers(2, 8), integers(2, PAIRS_LISTED), integers(2), integers(2, 8),
+        integers(2, 6), integers(1), room(2, bodies, kind=np.int8), _seams(s, capacity))
     forget_pairs(memory)
     return memory
 

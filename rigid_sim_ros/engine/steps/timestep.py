@@ -31,7 +31,8 @@ from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
     detect_in_parallel, set_margins_and_sides, share_part, take_sides_of)
-from rigid_sim_ros.engine.solver.partition import begin_slots, choose_cut, ENOUGH, mark_touching
+from rigid_sim_ros.engine.solver.partition import (
+    begin_slots, choose_cut, MANIFOLDS_TO_HALVE, mark_touching)
 from rigid_sim_ros.engine.solver.passages import end_ways, hit_what_stopped, is_any_fast
 from rigid_sim_ros.engine.solver.sequential import (
     move_solved, solve_contacts, solve_directly, solve_part, store_part)
@@ -232,7 +233,7 @@ def detect(c: Arguments) -> bool:
 @kernel
 def detect_once(c: Arguments) -> bool:
     """Find the manifolds within the margins of how bodies move as the step begins."""
-    many, cut = current(c.memory).count[0] >= ENOUGH, c.work.solver.sides.cut
+    many, cut = current(c.memory).count[0] >= MANIFOLDS_TO_HALVE, c.work.solver.sides.cut
     if not many:
         cut.halved[0], cut.left[0] = 0, 0
     elif cut.left[0] == 0:
@@ -388,7 +389,7 @@ def advance(c: Arguments, count: int, pack: ArgumentPack | None = None,
         if not pack.is_linked:
             link(advance_steps, pack, pieces_of(c, helper is not None))
         some = count - done if helper is None else min(count - done, _STEPS_WITHOUT_HELP)
-        if helper is None or current_manifolds(c.memory).count[0] < ENOUGH:
+        if helper is None or current_manifolds(c.memory).count[0] < MANIFOLDS_TO_HALVE:
             taken = pack.run(advance_steps, some)
         else:
             with helper:

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.detection.broad_phase import near_pairs
-from rigid_sim_ros.engine.detection.manifolds import PAIRS_LISTED, PAIRS, REBUILT
+from rigid_sim_ros.engine.detection.manifolds import PAIRS, PAIRS_LISTED, REBUILT
 from rigid_sim_ros.engine.model.kinds.table import BOX, SPHERE
 
 BALL = (SPHERE, (0.5, 0.0, 0.0), None)
