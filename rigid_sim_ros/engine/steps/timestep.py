@@ -42,7 +42,7 @@ from rigid_sim_ros.engine.solver.turned_energy import gains_any_by_turning, take
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.kernel import apart, kernel
 from rigid_sim_ros.kernels.second_core import Helper, is_helped
-from rigid_sim_ros.kernels.separate import by_address, link, link_late, Pieces
+from rigid_sim_ros.kernels.separate import by_address, link, link_late, NO_NUMBER, Pieces
 
 # Steps in one call of a world that a helper may help, for until the next one nobody calls it.
 _STEPS_WITHOUT_HELP = 64
@@ -143,24 +143,27 @@ def apply_forces(c: Arguments) -> None:
     """Sum the loads at the start of the step; uniform gravity is there from an earlier one."""
     work = c.work
     if may_sleep(c) or work.loaded[0] == 1 or work.uniform[0] == 0:
-        sum_loads(c, work.loads, 0)
+        sum_loads(c, work.loads, START)
         work.uniform[0] = 1 - work.loaded[0]
     work.solver.bodies.alike[0] = 1 - work.loaded[0]
 
 
+START, END = range(2)    # of a step: the times at which loads are summed
+
+
 @apart
-def sum_loads(c: Arguments, loads: Loads, later: int) -> None:
+def sum_loads(c: Arguments, loads: Loads, when: int) -> None:
     """Sum gravity, the forces of the scene and the wrenches of users."""
     begin_loads(c.model, c.state, loads)
     if c.model.forces.kind.shape[0] > 0:
-        add_forces(c, later)
+        add_forces(c, when)
     end_loads(c.model, c.state, c.wrenches, loads)
 
 
 @by_address
-def add_forces(c: Arguments, later: int) -> int:
+def add_forces(c: Arguments, when: int) -> int:
     """Add the forces of the scene to the loads of the start of the step, or of its end."""
-    if later == 1:
+    if when == END:
         add_scene_forces(c.model, c.state, c.work.later)
     else:
         add_scene_forces(c.model, c.state, c.work.loads)
@@ -265,41 +268,45 @@ def predict(c: Arguments) -> None:
     if may_sleep(c) or c.uses.bounces == 1:
         # Of all others the solver writes them.
         clear_impulses(manifolds, acted.impulse, acted.friction)
-    predict_part(c, CONTACTS)
+    predict_or_correct(c, PREDICT)
 
 
 @kernel
 def stop_before_passages(c: Arguments) -> None:
     """Let bodies stop where they would get through something that nothing pushes."""
-    predict_part(c, PASSAGES)
+    predict_or_correct(c, STOP)
 
 
 @kernel
 def take_back_energy(c: Arguments) -> None:
     """Take from bodies the energy that they gained by turning under their impulses."""
-    predict_part(c, GAINS)
+    predict_or_correct(c, TAKE_BACK)
 
 
 @kernel
 def collide_stopped(c: Arguments) -> None:
     """Let bodies collide with what stopped them, where the step began in an overlap."""
-    predict_part(c, STOPPED)
+    predict_or_correct(c, COLLIDE_STOPPED)
 
 
-CONTACTS, PASSAGES, GAINS, STOPPED = range(4)
+PREDICT, STOP, TAKE_BACK, COLLIDE_STOPPED = range(4)
 
 
 @by_address
-def predict_part(c: Arguments, what: int) -> int:
-    """Predict the contacts of a step, or do one of three things that few steps need."""
+def predict_or_correct(c: Arguments, stage: int) -> int:
+    """
+    Predict the contacts of a step, or correct a motion: stop bodies, take back energy, collide.
+
+    One piece, for what is compiled apart has the searches for nearest points in it once more.
+    """
     memory, work = c.memory, c.work
-    if what == PASSAGES:
+    if stage == STOP:
         end_ways(c)
         return 0
-    if what == GAINS:
+    if stage == TAKE_BACK:
         take_back_gains(c)
         return 0
-    if what == STOPPED:
+    if stage == COLLIDE_STOPPED:
         hit_what_stopped(c)
         return 0
     predict_contacts(c.model, c.state, work.loads, c.shapes, c.materials, current(memory),
@@ -312,7 +319,7 @@ def predict_part(c: Arguments, what: int) -> int:
 def bounce(c: Arguments) -> None:
     """Give colliding bodies their impulses, at the time at which they meet."""
     if c.uses.bounces == 1:
-        c.work.solver.shifted[0] = 1 if collide(c, 0) > 0 else 0
+        c.work.solver.shifted[0] = 1 if collide(c, NO_NUMBER) > 0 else 0
         mark_touching(current(c.memory), c.work.collision.activity, c.memory.touching)
 
 
@@ -355,7 +362,7 @@ def solve(c: Arguments) -> None:
 def apply_later_forces(c: Arguments) -> None:
     """Kick by half of the change of the loads, as in the symplectic method: at the new poses."""
     if c.work.loaded[0] == 1:
-        sum_loads(c, c.work.later, 1)
+        sum_loads(c, c.work.later, END)
         kick_by_change(c.state, c.work.loads, c.work.later, c.model.h)
 
 
@@ -444,7 +451,7 @@ def pieces_of(c: Arguments, helped: bool) -> Pieces:
     return Pieces(
         here=[solve_part, solve_directly, store_part,
               *(piece for piece, is_used in optional.items() if is_used)],
-        helped=[detect_part, predict_part, *(bounces if c.uses.bounces == 1 else []),
+        helped=[detect_part, predict_or_correct, *(bounces if c.uses.bounces == 1 else []),
                 *([search] if searches else [])],
         late=[search] if may_search else [],
         unused=[*(piece for piece, is_used in optional.items() if not is_used),
