@@ -8,7 +8,7 @@ manifolds of this step and of the last take turns in two pages, so that impulses
 by walking through both in order, without a search and without a copy. What nobody asks of the last
 step both pages share. Its impulses nobody asks for once they are carried over: then the model
 `timestep` writes there what acted in the whole step, collisions included, for those who ask what
-pressed on what.
+pressed on what: `step_impulses`.
 
 Most contacts are one point of a ball, and 10 000 bodies have 30 000. So the first points of all
 manifolds lie side by side, then all second points, and what belongs to polyhedra is written for
@@ -62,6 +62,13 @@ class Manifolds(NamedTuple):
     normal_A: Array  # (c, 3) the normal in axes of C of body A
     p_A_C: Array  # (c, 4, 3) [m] points on A in axes of C of body A
     p_B_C: Array  # (c, 4, 3) [m] points on B in axes of C of body B
+
+
+class StepImpulses(NamedTuple):
+    """What acted on the latest manifolds in the whole step, collisions included; their rows."""
+
+    normal: Array  # (4, c) [N s] at each point, along the normal
+    friction: Array  # (c, 3) [N s] tangential impulse on B, world axes
 
 
 class Scratch(NamedTuple):
@@ -245,13 +252,19 @@ def current(memory: Memory) -> Manifolds:
 
 @kernel
 def earlier(memory: Memory) -> Manifolds:
-    """
-    Return the other page, that of the step before.
-
-    `impulse` and `friction` are what acted on the manifolds of the latest step where a model wrote
-    that, in the rows of these.
-    """
+    """Return the other page, that of the step before; once detection is over, `step_impulses`."""
     return memory.pages[1 - memory.page[0]]
+
+
+@kernel
+def step_impulses(memory: Memory) -> StepImpulses:
+    """
+    Return what acted on the latest manifolds, where a model writes that.
+
+    It is in the impulses of the other page, which after detection nobody asks for.
+    """
+    page = memory.pages[1 - memory.page[0]]
+    return StepImpulses(page.impulse, page.friction)
 
 
 @kernel
@@ -260,9 +273,10 @@ def turn_page_back(memory: Memory) -> None:
     memory.page[0] = 1 - memory.page[0]
 
 
-def earlier_manifolds(memory: Memory) -> Manifolds:
-    """Return the same in Python."""
-    return memory.pages[1 - int(memory.page[0])]
+def latest_impulses(memory: Memory) -> StepImpulses:
+    """Return what `step_impulses` does, in Python."""
+    page = memory.pages[1 - int(memory.page[0])]
+    return StepImpulses(page.impulse, page.friction)
 
 
 def current_manifolds(memory: Memory) -> Manifolds:

@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.contact.resting_qp import effective_mass, Outcome, sol
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_within_margins
 from rigid_sim_ros.engine.detection.manifolds import (
-    current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
+    current_manifolds, grown, latest_impulses, Manifolds, Memory, StepImpulses)
 from rigid_sim_ros.engine.detection.margins import set_margins
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
@@ -137,19 +137,17 @@ def find_contacts(c: QpArguments) -> QpArguments:
         memory = grown(memory)
     if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
         work.shared = make_timestep_work(model, shapes, memory)
-    manifolds, acted = current_manifolds(memory), earlier_manifolds(memory)
-    clear_impulses(manifolds, acted.impulse, acted.friction)
+    clear_impulses(current_manifolds(memory), latest_impulses(memory))
     return c._replace(memory=memory)
 
 
 def bounce(c: QpArguments) -> None:
     """Give colliding bodies their impulses, at the time at which they meet."""
     model, shared = c.model, c.work.shared
-    manifolds, acted = current_manifolds(c.memory), earlier_manifolds(c.memory)
+    manifolds = current_manifolds(c.memory)
     shared.collision.activity[:] = 0
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, c.state, shared.loads.F, c.shapes,
-                      c.materials, manifolds, acted.impulse, acted.friction,
-                      shared.collision) > 0:
+                      c.materials, manifolds, latest_impulses(c.memory), shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
     mark_touching(manifolds, shared.collision.activity, c.memory.touching)
 
@@ -235,7 +233,7 @@ def solve_contacts(c: QpArguments, chosen: IntArray) -> tuple[Array, Array]:
     f = _find_impulses(model, chosen, rows, work)
     _push(contacts, chosen, f, work.shared.solver.bodies, work.shared.solver.bodies.motion)
     manifolds.impulse[:, :count] = 0.0
-    _write_impulses(manifolds, earlier_manifolds(c.memory), contacts, chosen, f)
+    _write_impulses(manifolds, latest_impulses(c.memory), contacts, chosen, f)
     return f, _push_apart(c, chosen, rows, f)
 
 
@@ -393,14 +391,14 @@ def _read_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f
 
 
 @kernel
-def _write_impulses(manifolds: Manifolds, acted: Manifolds, contacts: Contacts, chosen: IntArray,
-                    f: Array) -> None:
+def _write_impulses(manifolds: Manifolds, acted: StepImpulses, contacts: Contacts,
+                    chosen: IntArray, f: Array) -> None:
     """Keep the impulses of this step, and add them to those of its collisions."""
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
         p = _point_of(manifolds, r, contacts.feature[chosen[c]])
         manifolds.impulse[p, r] = f[3 * c]
-        acted.impulse[p, r] += f[3 * c]
+        acted.normal[p, r] += f[3 * c]
         tangential = to_world(contacts, chosen[c], (0.0, f[3 * c + 1], f[3 * c + 2]))
         for k in range(3):
             manifolds.friction[r, k] += tangential[k]

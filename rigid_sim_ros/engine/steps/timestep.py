@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.contact.collisions import collide_bodies, collide_cand
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_part, SEAMS, THROWN, WHOLE
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, current_manifolds, earlier, grown, NO_SEARCH)
+    current, current_manifolds, grown, NO_SEARCH, step_impulses)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY, SEARCHED
 from rigid_sim_ros.engine.detection.pair_manifold import search
 from rigid_sim_ros.engine.detection.thrown_margins import SEARCHES, widen_margins
@@ -206,13 +206,13 @@ def let_islands_sleep(c: Arguments) -> None:
 def wake_or_sleep(c: Arguments, when: int) -> int:
     """Let islands wake or sleep, in one of the parts of a step."""
     model, state, work, rest = c.model, c.state, c.work, c.rest
-    manifolds, acted = current(c.memory), earlier(c.memory)
+    manifolds = current(c.memory)
     if when == _DISTURBED:
         wake_disturbed(model, state, work.loads, work.radius, manifolds, rest)
     elif when == _TOUCHED:
         wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, c.memory, rest)
     else:
-        keep_pressing(manifolds, work.solver.bodies.slot, rest, acted.impulse, acted.friction)
+        keep_pressing(manifolds, work.solver.bodies.slot, rest, step_impulses(c.memory))
         fall_asleep(model.inv_m, model.inv_I_C, state, work.loads, work.radius, manifolds,
                     c.settings.sleep_steps, rest)
     return 0
@@ -264,10 +264,9 @@ def fly_all(c: Arguments, count: Any) -> None:
 @kernel
 def predict(c: Arguments) -> None:
     """Give contacts the geometry of the time in which they act."""
-    manifolds, acted = current(c.memory), earlier(c.memory)
     if may_sleep(c) or c.uses.bounces == 1:
         # Of all others the solver writes them.
-        clear_impulses(manifolds, acted.impulse, acted.friction)
+        clear_impulses(current(c.memory), step_impulses(c.memory))
     predict_or_correct(c, PREDICT)
 
 
@@ -326,19 +325,18 @@ def bounce(c: Arguments) -> None:
 @by_address
 def collide(c: Arguments, _: int) -> int:
     """Let what has a restitution collide, on new ways again; return how often."""
-    model, work, acted, manifolds = c.model, c.work, earlier(c.memory), current(c.memory)
+    model, work, acted, manifolds = c.model, c.work, step_impulses(c.memory), current(c.memory)
     count = collide_bodies(
         model.h, model.inv_m, model.inv_I_C, c.state, work.loads.F, c.shapes, c.materials,
-        manifolds, acted.impulse, acted.friction, work.collision)
+        manifolds, acted, work.collision)
     for _ in range(ROUNDS if count > 0 else 0):
         if find_next_touches(
                 model, c.state, work.loads, c.shapes, c.materials, manifolds, c.memory.margin,
-                acted.impulse, acted.friction, work.prediction, c.memory.scratch,
-                work.collision) == 0:
+                acted, work.prediction, c.memory.scratch, work.collision) == 0:
             break
         count += collide_candidates(
             model.h, model.inv_m, model.inv_I_C, c.state, c.shapes, c.materials, manifolds,
-            acted.impulse, acted.friction, work.collision)
+            acted, work.collision)
     return count
 
 
