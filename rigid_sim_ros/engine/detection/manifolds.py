@@ -399,6 +399,15 @@ def has_impulse(impulse: Array, points: int, r: int) -> bool:
 
 
 @kernel
+def point_of_feature(manifolds: Manifolds, r: int, feature: int) -> int:
+    """Return which point of manifold r has a feature, -1: none."""
+    for p in range(manifolds.points[r]):
+        if manifolds.feature[p, r] == feature:
+            return p
+    return -1
+
+
+@kernel
 def smallest_gap(manifolds: Manifolds, r: int) -> float:
     """Return the gap [m] of that point of manifold r which is nearest."""
     gap = manifolds.gap[0, r]

@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 from rigid_sim_ros.engine.detection.manifold_rows import pack_rows
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, Manifolds, Memory, POINTS, rows_in_use, smallest_gap, step_impulses, StepImpulses)
+    current, Manifolds, Memory, point_of_feature, POINTS, rows_in_use, smallest_gap, step_impulses,
+    StepImpulses)
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.joints.part import Part, put_back, take_out
@@ -365,10 +366,7 @@ def _take_impulses(has_joints: IntArray, manifolds: Manifolds, acted: StepImpuls
 @kernel
 def _take_row(manifolds: Manifolds, r: int, solved: Manifolds, at: int) -> None:
     for j in range(solved.points[at]):
-        point = 0
-        for i in range(manifolds.points[r]):
-            if manifolds.feature[i, r] == solved.feature[j, at]:
-                point = i
+        point = max(point_of_feature(manifolds, r, solved.feature[j, at]), 0)
         manifolds.impulse[point, r] += solved.impulse[j, at]
     for i in range(3):
         manifolds.friction[r, i] = solved.friction[at, i]

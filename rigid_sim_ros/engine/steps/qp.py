@@ -33,11 +33,10 @@ from rigid_sim_ros.engine.contact.resting_qp import effective_mass, Outcome, sol
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_within_margins
 from rigid_sim_ros.engine.detection.manifolds import (
-    current_manifolds, grown, latest_impulses, Manifolds, Memory, StepImpulses)
+    current_manifolds, grown, latest_impulses, Manifolds, Memory, point_of_feature, StepImpulses)
 from rigid_sim_ros.engine.detection.margins import set_margins
-from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
-from rigid_sim_ros.engine.dynamics.integrate import sum_loads
+from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.maths.vector import cross, row
@@ -184,8 +183,7 @@ def apply_later_forces(c: QpArguments) -> None:
     """Kick by half of the change of the loads, as in the symplectic method: at the new poses."""
     shared = c.work.shared
     sum_loads(c.model, c.state, c.wrenches, shared.later)
-    kick(c.state, shared.later, 0.5 * c.model.h)
-    kick(c.state, shared.loads, -0.5 * c.model.h)
+    kick_by_change(c.state, shared.loads, shared.later, c.model.h)
 
 
 @kernel
@@ -373,20 +371,11 @@ def _push_slot(slot: int, sign: float, r: Vector, J: Vector, mass: Array, motion
 
 
 @kernel
-def _point_of(manifolds: Manifolds, r: int, feature: int) -> int:
-    """Return which point of a manifold has this feature."""
-    for p in range(manifolds.points[r]):
-        if manifolds.feature[p, r] == feature:
-            return p
-    return 0
-
-
-@kernel
 def _read_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f: Array) -> None:
     """Write the normal impulses of the last step, to begin with."""
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
-        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        p = point_of_feature(manifolds, r, contacts.feature[chosen[c]])
         f[3 * c] = manifolds.impulse[p, r]
 
 
@@ -396,7 +385,7 @@ def _write_impulses(manifolds: Manifolds, acted: StepImpulses, contacts: Contact
     """Keep the impulses of this step, and add them to those of its collisions."""
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
-        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        p = point_of_feature(manifolds, r, contacts.feature[chosen[c]])
         manifolds.impulse[p, r] = f[3 * c]
         acted.normal[p, r] += f[3 * c]
         tangential = to_world(contacts, chosen[c], (0.0, f[3 * c + 1], f[3 * c + 2]))
