@@ -143,7 +143,7 @@ class World(Saving):
             batch = applied.steps_until_one_ends(left)
             if self._leads:
                 batch = self._lead(batch)
-            self._contact.advance(self._state, applied.room, batch)
+            self._contact.advance(self._state, applied.wrenches, batch)
             applied.remove_finished()
             left -= batch
             self.step_index += batch

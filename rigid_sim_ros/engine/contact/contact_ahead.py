@@ -67,13 +67,13 @@ def turn_bodies(model: Model, state: State, tau: Array, t: float, some: IntArray
 
 
 @kernel
-def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contacts: Contacts,
+def carry_ahead(model: Model, state: State, no_loads: Loads, shapes: Shapes, contacts: Contacts,
                 bodies: Bodies, then: Array, chosen: IntArray, width: int, t: float, pose: Array,
                 scratch: Scratch, u: Array) -> None:
     """
     Bring the chosen points to the middle of a span t [s]; write their rates u, (wm,), at its end.
 
-    still: loads of 0; then, (n, 6): the velocities at the end. A point that is not found there is
+    no_loads: of 0; then, (n, 6): the velocities at the end. A point that is not found there is
     taken as it was before, an error of first order in t which the next step sees as a velocity and
     takes back.
     """
@@ -85,18 +85,19 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
             after += 1
         a, b = contacts.shape_a[k], contacts.shape_b[k]
         size = contacts.size[k]
-        place_ahead(model, state, still, shapes, a, 0.0, pose)
-        place_ahead(model, state, still, shapes, b, 0.0, pose)
+        place_ahead(model, state, no_loads, shapes, a, 0.0, pose)
+        place_ahead(model, state, no_loads, shapes, b, 0.0, pose)
         e = contacts.axes
         on_face = meets_face(pose, shapes, a, b, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2]))
-        count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, on_face, pose, scratch)
+        count, n = _meet(model, state, no_loads, shapes, a, b, 0.5 * t, size, on_face, pose,
+                         scratch)
         for c in range(first, after):
             _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)
             p = _same_point(contacts, chosen[c], count, n, scratch)
             if p >= 0:
                 _move_point(state, contacts, bodies, chosen[c], 0.5 * t, n, scratch.points, p,
                             JUMP * size)
-        count, n = _meet(model, state, still, shapes, a, b, t, size, on_face, pose, scratch)
+        count, n = _meet(model, state, no_loads, shapes, a, b, t, size, on_face, pose, scratch)
         for c in range(first, after):
             at = width * c
             read_rates(model, contacts, then, chosen[c], width, u, at)
@@ -167,7 +168,7 @@ def _fit_motion(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> N
 
 
 @kernel
-def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: int, t: float,
+def _meet(model: Model, state: State, no_loads: Loads, shapes: Shapes, a: int, b: int, t: float,
           margin: float, on_face: bool, pose: Array, scratch: Scratch) -> tuple[int, Vector]:
     """
     Return how many points two shapes have after t [s], and their normal.
@@ -175,8 +176,8 @@ def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: i
     None where they met on a face, and do not any more: what is beside the face, another piece of
     the same floor or nothing, the next step sees.
     """
-    place_ahead(model, state, still, shapes, a, t, pose)
-    place_ahead(model, state, still, shapes, b, t, pose)
+    place_ahead(model, state, no_loads, shapes, a, t, pose)
+    place_ahead(model, state, no_loads, shapes, b, t, pose)
     count, n = collide(pose, shapes, a, b, margin, 0.0, scratch)
     return 0 if on_face and not meets_face(pose, shapes, a, b, n) else count, n
 
