@@ -18,7 +18,7 @@ under no force, so they hold for every pair of shapes:
 """
 
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, read_rates, read_turning, tangents, to_contact, to_world)
+    Bodies, Contacts, linear, read_rates, read_turning, tangents, to_contact, to_world)
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.motion_ahead import place_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
@@ -29,7 +29,7 @@ from rigid_sim_ros.engine.maths.algebra import (
     add, add_scaled, column, cross, dot, norm, quaternion, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
-from rigid_sim_ros.engine.state.rates import angular_velocity
+from rigid_sim_ros.engine.state.rates import angular_velocity, relative_velocity
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -251,9 +251,8 @@ def _velocity(state: State, contacts: Contacts, bodies: Bodies, then: Array, k: 
     at = _common(points, p, n)
     r_A = subtract(at, _ahead(state, bodies, a, t))
     r_B = subtract(at, _ahead(state, bodies, b, t))
-    at_A = cross((then[a, 3], then[a, 4], then[a, 5]), r_A)
-    at_B = cross((then[b, 3], then[b, 4], then[b, 5]), r_B)
     on_A = norm(subtract(r_A, row(contacts.r_A, k)))
     on_B = norm(subtract(r_B, row(contacts.r_B, k)))
-    return (then[b, 0] - then[a, 0] + at_B[0] - at_A[0], then[b, 1] - then[a, 1] + at_B[1]
-            - at_A[1], then[b, 2] - then[a, 2] + at_B[2] - at_A[2]), min(on_A, on_B)
+    v = relative_velocity(linear(then, a), (then[a, 3], then[a, 4], then[a, 5]), r_A,
+                          linear(then, b), (then[b, 3], then[b, 4], then[b, 5]), r_B)
+    return v, min(on_A, on_B)
