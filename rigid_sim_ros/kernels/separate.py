@@ -32,6 +32,7 @@ from rigid_sim_ros.kernels.linking import without_literals
 from rigid_sim_ros.kernels.numba_target import intrinsic
 from rigid_sim_ros.kernels.symbols import declare
 
+NO_NUMBER = 0  # what a piece is called with that does not ask for a number
 _INTEGER = ir.IntType(64)
 _template: Any = make_concrete_template
 _lock = threading.Lock()

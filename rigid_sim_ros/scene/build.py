@@ -393,5 +393,5 @@ def _initial_state(spec: schema.Scene, model: Model) -> State:
         np.array([body.twist.angular for body in spec.bodies]))
     state = empty_state(n)
     write_motions(model, state, motion)
-    state.left[[body.kinematic for body in spec.bodies]] = LASTS
+    state.twist_steps_left[[body.kinematic for body in spec.bodies]] = LASTS
     return state

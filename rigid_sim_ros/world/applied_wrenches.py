@@ -24,17 +24,17 @@ class AppliedWrenches:
 
     def __init__(self) -> None:
         """Begin with none."""
-        self._room = no_wrenches(_LEAST)
+        self._wrenches = no_wrenches(_LEAST)
         self._sources: list[str] = []
 
     @property
-    def room(self) -> Wrenches:
+    def wrenches(self) -> Wrenches:
         """The rows and room for more, as the kernels read them and count them down."""
-        return self._room
+        return self._wrenches
 
     def rows(self) -> dict[str, np.ndarray]:
         """Return the rows, by the names of their fields."""
-        return {name: getattr(self._room, name)[:len(self._sources)] for name in FIELDS}
+        return {name: getattr(self._wrenches, name)[:len(self._sources)] for name in FIELDS}
 
     @property
     def sources(self) -> list[str]:
@@ -45,10 +45,10 @@ class AppliedWrenches:
             torque: Array, steps: int) -> None:
         """Append a row."""
         r = len(self._sources)
-        if r == self._room.body.shape[0]:
+        if r == self._wrenches.body.shape[0]:
             self._put(self.rows(), 2 * r)
         self._sources.append(source)
-        rows = self._room
+        rows = self._wrenches
         rows.in_use[0] = r + 1
         rows.body[r], rows.frame[r], rows.at_point[r] = body, frame, point is not None
         rows.force[r], rows.torque[r] = force, torque
@@ -64,7 +64,7 @@ class AppliedWrenches:
         """Drop the rows whose time is over."""
         if not self._sources:
             return      # of most steps
-        active = self._room.steps_left[:len(self._sources)] > 0
+        active = self._wrenches.steps_left[:len(self._sources)] > 0
         if not active.all():
             self._keep(active)
 
@@ -72,7 +72,7 @@ class AppliedWrenches:
         """Return how many steps can be taken with all of them, up to a limit."""
         if not self._sources:
             return at_most
-        return min(at_most, int(self._room.steps_left[:len(self._sources)].min()))
+        return min(at_most, int(self._wrenches.steps_left[:len(self._sources)].min()))
 
     def replace(self, rows: Mapping[str, np.ndarray], sources: Sequence[str]) -> None:
         """Put these rows in the place of all, as `rows` returns them."""
@@ -82,17 +82,17 @@ class AppliedWrenches:
     def clear(self) -> None:
         """Drop all rows."""
         self._sources = []
-        self._room.in_use[0] = 0
+        self._wrenches.in_use[0] = 0
 
     def _put(self, rows: Mapping[str, np.ndarray], room: int) -> None:
-        self._room = no_wrenches(room)
+        self._wrenches = no_wrenches(room)
         for name, row in rows.items():
-            getattr(self._room, name)[:len(row)] = row
-        self._room.in_use[0] = len(self._sources)
+            getattr(self._wrenches, name)[:len(row)] = row
+        self._wrenches.in_use[0] = len(self._sources)
 
     def _keep(self, chosen: np.ndarray) -> None:
         for row in self.rows().values():
             kept = row[chosen]
             row[:len(kept)] = kept
         self._sources = [name for name, keep in zip(self._sources, chosen, strict=True) if keep]
-        self._room.in_use[0] = len(self._sources)
+        self._wrenches.in_use[0] = len(self._sources)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
 from rigid_sim_ros.engine.joints.joint_coordinates import joint_coordinates
 from rigid_sim_ros.engine.joints.joint_rates import joint_rate
@@ -27,6 +28,9 @@ from rigid_sim_ros.world.values import finite, some
 
 if TYPE_CHECKING:
     from rigid_sim_ros.engine.state.state import BodyMotion
+
+# What is taken back of a motion of joints that cannot be assembled: all but what drives are told.
+_KEPT = tuple(name for name in JointMotion._fields if name != 'drives')
 
 
 class WithJoints(Commanded):
@@ -216,15 +220,15 @@ class WithJoints(Commanded):
         assert self._joints is not None
         motion = self._joints.motion
         return ([array.copy() for array in self._state],
-                [array.copy() for array in (*motion[:-3], *motion[-2:])])
+                [getattr(motion, name).copy() for name in _KEPT])
 
     def _take_back(self, kept: tuple[list[np.ndarray], list[np.ndarray]]) -> None:
         assert self._joints is not None
         motion = self._joints.motion
         for array, old in zip(self._state, kept[0], strict=True):
             array[...] = old
-        for array, old in zip((*motion[:-3], *motion[-2:]), kept[1], strict=True):
-            array[...] = old
+        for name, old in zip(_KEPT, kept[1], strict=True):
+            getattr(motion, name)[...] = old
 
     def _known_joint(self, name: str) -> tuple[JointedMotion, int]:
         names = self.joint_names

@@ -50,7 +50,7 @@ class Posed:
         if since > 0 or self._at[i] == _NEVER:
             in_series = self._at[i] != _NEVER and since * self._model.h <= SERIES
             self._at[i], self._after[i] = step, since if in_series else 0
-        if state.left[i] == LASTS and state.V[:, i].any():
+        if state.twist_steps_left[i] == LASTS and state.V[:, i].any():
             write_motion(self._model, state, motion, i)
             return
         steps, size = int(self._after[i]), float(self._size[i])
@@ -58,12 +58,12 @@ class Posed:
         if not approach(self._model, state, motion, i, max(steps, 1), size, fastest):
             motion.linear[i], motion.angular[i] = 0.0, 0.0
             write_motion(self._model, state, motion, i)
-            state.left[i] = 0
+            state.twist_steps_left[i] = 0
 
     def turn(self, state: State, motion: BodyMotion, i: int) -> None:
         """Let body i go on with its row of twists."""
         write_motion(self._model, state, motion, i)
-        state.left[i] = LASTS
+        state.twist_steps_left[i] = LASTS
         self._at[i], self._after[i] = _NEVER, 0
 
     def clear(self) -> None:
@@ -73,14 +73,14 @@ class Posed:
     def rows(self, state: State) -> dict[str, np.ndarray]:
         """Return what the next steps depend on, of the bodies that nothing pushes, by FIELDS."""
         i = self._model.fixed
-        return dict(zip(FIELDS, (state.V[:, i], state.left[i], self._at[i], self._after[i]),
-                        strict=True))
+        return dict(zip(FIELDS, (state.V[:, i], state.twist_steps_left[i], self._at[i],
+                                 self._after[i]), strict=True))
 
     def replace(self, state: State, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to what `rows` returned; what was saved before there was any of it stands."""
         i = self._model.fixed
-        state.V[:], state.left[:] = 0.0, 0
+        state.V[:], state.twist_steps_left[:] = 0.0, 0
         self.clear()
         if FIELDS[0] in arrays:
-            state.V[:, i], state.left[i], self._at[i], self._after[i] = (
+            state.V[:, i], state.twist_steps_left[i], self._at[i], self._after[i] = (
                 arrays[name] for name in FIELDS)

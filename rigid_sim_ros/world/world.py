@@ -47,6 +47,12 @@ class World(Saving):
     Poses and twists are of the body frames, as the scene's author wrote them; vectors are in world
     axes and SI units; the twist's linear part is the velocity of the body frame's origin. The same
     scene with the same inputs at the same steps gives the same bits.
+
+    Here are time, wrenches, impulses, poses and twists; the parts that it inherits, each on the
+    next, are what can be read (readings.py), commands and who observes them (commands.py),
+    joints, their drives and trajectories (joints.py, drives.py, trajectories.py), matrices of
+    models (model_dynamics.py), what is added and removed (changing.py, changes.py, joining.py),
+    and bytes of the state (saving.py, snapshot.py, snapshot_check.py).
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -137,7 +143,7 @@ class World(Saving):
             batch = applied.steps_until_one_ends(left)
             if self._leads:
                 batch = self._lead(batch)
-            self._contact.advance(self._state, applied.room, batch)
+            self._contact.advance(self._state, applied.wrenches, batch)
             applied.remove_finished()
             left -= batch
             self.step_index += batch

@@ -6,7 +6,7 @@ from engine.touching import _Scene, ball, box, G, ground
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import (
-    earlier_manifolds, empty_memory, lasting, with_lasting)
+    empty_memory, lasting, latest_impulses, with_lasting)
 from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.engine.solver.arguments import make_arguments, TimestepSettings
 from rigid_sim_ros.engine.state.state import copy_state
@@ -52,10 +52,10 @@ class TimestepScene(_Scene):
     def ground_force(self) -> float:
         """Return the vertical force of what is fixed on what moves, over the last step [N]."""
         manifolds, total = self.manifolds(), 0.0
-        acted = earlier_manifolds(self.memory)
+        acted = latest_impulses(self.memory)
         for r in range(manifolds.count[0]):
             if self.model.inv_m[manifolds.body_a[r]] == 0.0:
-                total += (acted.impulse[:manifolds.points[r], r].sum() * manifolds.normal[r, 2]
+                total += (acted.normal[:manifolds.points[r], r].sum() * manifolds.normal[r, 2]
                           + acted.friction[r, 2])
         return total / self.model.h
 

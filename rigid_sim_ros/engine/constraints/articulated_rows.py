@@ -23,7 +23,7 @@ from rigid_sim_ros.engine.contact.contact_rows import (
     all_rows, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation, write_effects,
     write_matrix, write_rows)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
-from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, EARLY_TOLERANCE, GOAL
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.joints.answers import (
     answer, motion_in, push, push_nothing, want_all, want_parents)
@@ -365,7 +365,7 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
         worst, _ = _approach(system, m, width, True, size)
     if size > 0.0:
         system.residual[0] = max(system.residual[0], worst / size)
-    return worst if worst > ENOUGH * size else 0.0
+    return worst if worst > EARLY_TOLERANCE * size else 0.0
 
 
 @kernel
@@ -410,10 +410,10 @@ def _improve(system: System, m: int, width: int, is_new: bool, size: float,
     for n in range(ROUNDS):
         if n > 0 or is_new:
             violation(rows, m, width, f)
-            sweep_rows(rows, m, width, f, SWEEPS, 0.1 * ENOUGH * size)
+            sweep_rows(rows, m, width, f, SWEEPS, 0.1 * EARLY_TOLERANCE * size)
         worst = refine_rows(rows, m, width, system.touched[0], GOAL * size, NEWTON_STEPS,
                             system.newton)
-        if worst <= ENOUGH * size:
+        if worst <= EARLY_TOLERANCE * size:
             return worst, regularisation
         if regularisation < MOST_REGULARISATION:
             _add_regularisation(system, r, MORE - 1.0)
@@ -421,7 +421,7 @@ def _improve(system: System, m: int, width: int, is_new: bool, size: float,
     # What Newton's method leaves may be of any size where the rows are nearly dependent.
     f[:r] = 0.0
     violation(rows, m, width, f)
-    sweep_rows(rows, m, width, f, MANY_SWEEPS, 0.1 * ENOUGH * size)
+    sweep_rows(rows, m, width, f, MANY_SWEEPS, 0.1 * EARLY_TOLERANCE * size)
     return violation(rows, m, width, f), regularisation
 
 

@@ -14,8 +14,8 @@ A normal impulse at the point c + s t1 + t t2 is the column g = (1, t, -s) of N,
 velocity there is g . twist_N. The response of the twist to a wrench is the symmetric 6 x 6 matrix
 K, the sum over both bodies of
 
-    [ 1/m - [c] J [c]   -[c] J ]
-    [ J [c]              J     ]      [c] the matrix of c x, J the inverse inertia, axes n, t1, t2.
+    [ 1/m - [c] inv_I_W [c]   -[c] inv_I_W ]
+    [ inv_I_W [c]              inv_I_W     ]      [c] the matrix of c x, axes n, t1, t2.
 
 So a manifold is solved with six numbers for its state, whatever the number of its points; the
 bodies are read once and written once. The impulse on A is the opposite at the same point of the
@@ -52,7 +52,7 @@ SPIN_LEVER = 24  # [m] torque about n per normal force
 PER_LEVER = 25  # [1/m] friction force per torque about n, each at its limit
 SPIN_SLIDE = 26  # SLIDE / PER_LEVER^2
 SPIN = 27  # impulse about n of this substep [N m s]
-RESTING_SPIN = 28  # see RESTING
+SPIN_ASIDE = 28  # see IMPULSE_ASIDE
 # All blocks have these:
 SHOVE = 29  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
 NORMAL = 30  # n, world axes
@@ -62,17 +62,19 @@ SLIDE = 35  # how long the steps of sliding friction may be, see `_prepare_frict
 FRICTION = 36  # impulses along t1, t2 of this substep [N s]
 TORSION = 38  # a part of the angular momentum that the pair gained by having moved [N m s]
 TOTAL_T = 41  # friction of the substeps before, along t1, t2 [N s]
-RESTING_T = 43  # see RESTING
+FRICTION_ASIDE = 43  # see IMPULSE_ASIDE, along t1, t2
 SIZE = 45  # [m] of the smaller shape: all lengths that are tolerances are parts of it
 TURN_T = 46  # see TURN, along t1, t2
 POINT = 48  # rows of the first point
 POINT_ROWS = 9
 # Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its last
-# visit, of balls only where one overlaps. RESTING is its impulse of the last substep while an
-# impact is solved, which has impulses of its own; afterwards, how fast the point still approaches
-# [m/s], where the visits to an impact came to their limit. TURN [m/s] is how much the geometry of
-# the contact alone changes the normal velocity in a step, see contact_prediction.py.
-S, T, MASS, GAP, IMPULSE, TOTAL, SPEED, RESTING, TURN = range(9)
+# visit, of balls only where one overlaps. IMPULSE_ASIDE is its impulse of the last substep while
+# an impact is solved, which has impulses of its own. When that is over, the same row is APPROACH:
+# how fast the point still approaches [m/s], where the visits to an impact came to their limit.
+# TURN [m/s] is how much the geometry of the contact alone changes the normal velocity in a step,
+# see contact_prediction.py.
+S, T, MASS, GAP, IMPULSE, TOTAL, SPEED, IMPULSE_ASIDE, TURN = range(9)
+APPROACH = IMPULSE_ASIDE
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
 SMALL_ROWS = K_N + 4
@@ -87,8 +89,8 @@ BALLS_BEGIN, BALLS_END = SHOVE, POINT + POINT_ROWS
 K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
 K_TN = K_NN + 6  # by rows
 ROLL = K_TN + 9  # impulses about t1, t2 [N m s]
-RESTING_ROLL = ROLL + 2  # see RESTING
-ROLL_STEP = RESTING_ROLL + 2  # 1 / the largest eigenvalue of the torque part of K_NN
+ROLL_ASIDE = ROLL + 2  # see IMPULSE_ASIDE
+ROLL_STEP = ROLL_ASIDE + 2  # 1 / the largest eigenvalue of the torque part of K_NN
 ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
 SHOVE_TURN = ROLL_LEVER + 1  # of small islands: impulses about t1, t2 of the push [N m s]
 PRESSED = SHOVE_TURN + 2  # the centre of pressure of the last step, from c along t1, t2 [m]
@@ -368,19 +370,21 @@ def _response(b: Array, arm: int, inertia: int, inv_m: Eight) -> tuple[Six, Nine
     """Return one body's part of K: the rows of K_NN, of K_TN and of K_TT."""
     n, t1, t2 = axes(b)
     c_W, turns = load_three(b, arm), select(inv_m > 0.0, 1.0, 0.0)
-    Jn, J1 = symmetric(b, inertia, scale(turns, n)), symmetric(b, inertia, scale(turns, t1))
-    J2 = symmetric(b, inertia, scale(turns, t2))
-    j00, j01, j02 = dot(n, Jn), dot(n, J1), dot(n, J2)
-    j11, j12, j22 = dot(t1, J1), dot(t1, J2), dot(t2, J2)
+    w_n, w_1 = symmetric(b, inertia, scale(turns, n)), symmetric(b, inertia, scale(turns, t1))
+    w_2 = symmetric(b, inertia, scale(turns, t2))
+    # inv_I_W in these axes
+    i00, i01, i02 = dot(n, w_n), dot(n, w_1), dot(n, w_2)
+    i11, i12, i22 = dot(t1, w_1), dot(t1, w_2), dot(t2, w_2)
     cn, c1, c2 = dot(c_W, n), dot(c_W, t1), dot(c_W, t2)
-    # M = [c] J, rows and columns in the order n, t1, t2; then K_la = -M and K_ll = 1/m + M [c]^T.
-    m00, m01, m02 = c1 * j02 - c2 * j01, c1 * j12 - c2 * j11, c1 * j22 - c2 * j12
-    m10, m11, m12 = c2 * j00 - cn * j02, c2 * j01 - cn * j12, c2 * j02 - cn * j22
-    m20, m21, m22 = cn * j01 - c1 * j00, cn * j11 - c1 * j01, cn * j12 - c1 * j02
-    return ((inv_m + c1 * m02 - c2 * m01, -m01, -m02, j11, j12, j22),
-            (c1 * m12 - c2 * m11, -m11, -m12, c1 * m22 - c2 * m21, -m21, -m22, -m00, j01, j02),
+    # M = [c] inv_I_W, rows and columns in the order n, t1, t2; then K_la = -M and K_ll = 1/m + M
+    # [c]^T.
+    m00, m01, m02 = c1 * i02 - c2 * i01, c1 * i12 - c2 * i11, c1 * i22 - c2 * i12
+    m10, m11, m12 = c2 * i00 - cn * i02, c2 * i01 - cn * i12, c2 * i02 - cn * i22
+    m20, m21, m22 = cn * i01 - c1 * i00, cn * i11 - c1 * i01, cn * i12 - c1 * i02
+    return ((inv_m + c1 * m02 - c2 * m01, -m01, -m02, i11, i12, i22),
+            (c1 * m12 - c2 * m11, -m11, -m12, c1 * m22 - c2 * m21, -m21, -m22, -m00, i01, i02),
             (inv_m + c2 * m10 - cn * m12, cn * m11 - c1 * m10, -m10, inv_m + cn * m21 - c1 * m20,
-             -m20, j00))
+             -m20, i00))
 
 
 @part

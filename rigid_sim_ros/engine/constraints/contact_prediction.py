@@ -95,7 +95,7 @@ class Prediction(NamedTuple):
     is_turned: IntArray  # (n,)
     old: Array  # (POINTS, 6) scratch
     pressed: IntArray  # (n,) of 8 bits, 1: a contact pressed the body in the step before
-    still: Loads  # of 0
+    no_loads: Loads  # of 0
 
 
 def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
@@ -311,7 +311,7 @@ def _place_in_middle(model: Model, state: State, shapes: Shapes, s: int,
                      prediction: Prediction) -> None:
     """Place a shape where it is in the middle of the step, unless that is done already."""
     if prediction.is_placed[s] == 0:
-        place_ahead(model, state, prediction.still, shapes, s, 0.5 * model.h, prediction.middle)
+        place_ahead(model, state, prediction.no_loads, shapes, s, 0.5 * model.h, prediction.middle)
         prediction.is_placed[s] = 1
 
 
@@ -351,8 +351,8 @@ def _move_to_middle(model: Model, state: State, shapes: Shapes, manifolds: Manif
     i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     w_A = _spin_in_middle(model, state, i, prediction)
     w_B = _spin_in_middle(model, state, j, prediction)
-    _rewrite(model, state, prediction.still, manifolds, r, 0.5 * model.h, count, n, w_A, w_B, True,
-             prediction, scratch)
+    _rewrite(model, state, prediction.no_loads, manifolds, r, 0.5 * model.h, count, n, w_A, w_B,
+             True, prediction, scratch)
 
 
 @kernel

@@ -5,7 +5,7 @@
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    GAP, IMPULSE, MASS, RESTING, SIZE, SPEED, TURN, Two)
+    APPROACH, GAP, IMPULSE, MASS, SIZE, SPEED, TURN, Two)
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.eight import any_of, Eight, load, Mask, root, select
 from rigid_sim_ros.kernels.kernel import inlined, part
@@ -65,7 +65,7 @@ def least_speed(b: Array, point: int, what: Sweep) -> Eight:
     """
     allowed, turn = gap_of(b, point) * what.inv_h, what.when * load(b, point + TURN)
     if what.forces:
-        return max(allowed, load(b, point + RESTING)) + turn
+        return max(allowed, load(b, point + APPROACH)) + turn
     return allowed + max(turn, 0.0)
 
 

@@ -23,7 +23,8 @@ from rigid_sim_ros.engine.contact.collisions import AT_ONCE, bounces, collisions
 from rigid_sim_ros.engine.contact.impact_offsets import displacement, shifted
 from rigid_sim_ros.engine.detection.backtrack import crossing, least_stage, pair_gap
 from rigid_sim_ros.engine.detection.manifolds import (
-    ACTS, DORMANT, forget_impulses, has_impulse, LEFT_OUT, Manifolds, rows_in_use, Scratch)
+    ACTS, DORMANT, forget_impulses, has_impulse, LEFT_OUT, Manifolds, rows_in_use, Scratch,
+    StepImpulses)
 from rigid_sim_ros.engine.detection.motion_ahead import approach_bound, place_ahead, way_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
@@ -47,12 +48,12 @@ MET = 1e-4
 @kernel
 def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
                       materials: Materials, manifolds: Manifolds, margin: Array,
-                      normal_impulse: Array, friction_impulse: Array, prediction: Prediction,
-                      scratch: Scratch, work: CollisionWork) -> int:
+                      acted: StepImpulses, prediction: Prediction, scratch: Scratch,
+                      work: CollisionWork) -> int:
     """
     Bring the manifolds of pairs that meet on new ways to where they do; return how many do.
 
-    margin (s,) [m] is that of `Memory`; the impulses are those of `collide_bodies`. A pair that
+    margin (s,) [m] is that of `Memory`; `acted` is that of `collide_bodies`. A pair that
     was dormant becomes one of the pairs that may collide. `work.met` counts how often a pair met.
     """
     first, count = rows_in_use(manifolds)
@@ -60,8 +61,7 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
     for k in range(count):
         r = (first + k) & INDEX
         i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        rests = work.activity[r] == ACTS and not has_impulse(
-            normal_impulse, manifolds.points[r], r)
+        rests = work.activity[r] == ACTS and not has_impulse(acted.normal, manifolds.points[r], r)
         now = collisions_of(manifolds, r, work)
         if (rests or now == 0 or now == work.followed_at[r] or work.met[r] == TIMES
                 or not bounces(shapes, materials, manifolds, r)):
@@ -74,7 +74,7 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
         if t == math.inf and work.activity[r] == ACTS:
             work.activity[r] = LEFT_OUT
         if t <= model.h and _rewrite(model, state, loads, shapes, manifolds, r, t, margin,
-                                     normal_impulse, friction_impulse, prediction, scratch, work):
+                                     acted, prediction, scratch, work):
             found += 1
             if work.activity[r] == DORMANT:
                 work.rows[work.candidates[0]] = r
@@ -129,8 +129,8 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
 
 @kernel
 def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
-             r: int, t: float, margin: Array, normal_impulse: Array, friction_impulse: Array,
-             prediction: Prediction, scratch: Scratch, work: CollisionWork) -> bool:
+             r: int, t: float, margin: Array, acted: StepImpulses, prediction: Prediction,
+             scratch: Scratch, work: CollisionWork) -> bool:
     """
     Give a manifold the normal and the points of t [s] after the start; return whether it has any.
 
@@ -143,7 +143,7 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     count, n = collide(prediction.pose, shapes, a, b, margin[a] + margin[b], 0.0, scratch)
     if count == 0:
         return False
-    _turn_impulses(manifolds, r, n, normal_impulse, friction_impulse)
+    _turn_impulses(manifolds, r, n, acted)
     forget_impulses(manifolds, r)
     i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     A, B = work.body[i], work.body[j]
@@ -166,15 +166,14 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
 
 
 @kernel
-def _turn_impulses(manifolds: Manifolds, r: int, n: Vector, normal_impulse: Array,
-                   friction_impulse: Array) -> None:
+def _turn_impulses(manifolds: Manifolds, r: int, n: Vector, acted: StepImpulses) -> None:
     """Write what acted on a pair so far as an impulse along a new normal and one across it."""
-    J = row(friction_impulse, r)
+    J = row(acted.friction, r)
     for p in range(manifolds.points[r]):
-        J = add_scaled(J, normal_impulse[p, r], row(manifolds.normal, r))
-        normal_impulse[p, r] = 0.0
+        J = add_scaled(J, acted.normal[p, r], row(manifolds.normal, r))
+        acted.normal[p, r] = 0.0
     along = dot(J, n)
-    normal_impulse[0, r] = along
+    acted.normal[0, r] = along
     J = add_scaled(J, -along, n)
     for k in range(3):
-        friction_impulse[r, k] = J[k]
+        acted.friction[r, k] = J[k]

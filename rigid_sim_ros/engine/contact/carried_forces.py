@@ -6,7 +6,7 @@ The forces of the points of contact, carried over to the next step by the featur
 What was found before is where the next solution starts from: a warm start.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,6 +16,22 @@ from rigid_sim_ros.engine.maths.algebra import row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
+
+
+class Known(Protocol):
+    """Points of the last step by which features of which shapes met there, (c,) each."""
+
+    @property
+    def shape_a(self) -> IntArray:
+        """Return the shapes A."""
+
+    @property
+    def shape_b(self) -> IntArray:
+        """Return the shapes B."""
+
+    @property
+    def feature(self) -> IntArray:
+        """Return the features."""
 
 
 class Carried(NamedTuple):
@@ -63,8 +79,8 @@ def copy_forces(to: Carried, forces: Carried, count: int) -> None:
 
 
 @kernel
-def match_forces(contacts: Contacts, carried: Carried, known: int, match: IntArray) -> None:
-    """Write for each point which of the forces of the last step was there, -1: none."""
+def match_forces(contacts: Contacts, carried: Known, known: int, match: IntArray) -> None:
+    """Write for each point which of those of the last step was there, -1: none."""
     at = 0
     for k in range(contacts.count[0]):
         match[k] = -1

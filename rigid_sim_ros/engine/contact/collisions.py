@@ -21,7 +21,8 @@ from rigid_sim_ros.engine.contact.colliding_body import (
 from rigid_sim_ros.engine.contact.collision_impulses import find_impulses
 from rigid_sim_ros.engine.contact.contacts import share_a_body
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
-from rigid_sim_ros.engine.detection.manifolds import ACTS, LEFT_OUT, Manifolds, rows_in_use
+from rigid_sim_ros.engine.detection.manifolds import (
+    ACTS, LEFT_OUT, Manifolds, rows_in_use, StepImpulses)
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, column, cross, dot, norm, row, scale, subtract)
 from rigid_sim_ros.engine.model.kinds.table import is_ball
@@ -60,14 +61,14 @@ def may_bounce(restitution: Array) -> bool:
 
 @kernel
 def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Array, shapes: Shapes,
-                   materials: Materials, manifolds: Manifolds, normal_impulse: Array,
-                   friction_impulse: Array, work: CollisionWork) -> int:
+                   materials: Materials, manifolds: Manifolds, acted: StepImpulses,
+                   work: CollisionWork) -> int:
     """
     Let all pairs with restitution bounce that touch within h [s], and not too slowly.
 
-    What waits already takes no part. F (3, n) are the forces [N]. Changes the state; the
-    displacements and rotations are in work.body afterwards. The impulses (4, c) and (c, 3) are
-    what acted on B [N s]. Returns the number of collisions.
+    Only pairs that act take part. F (3, n) are the forces [N]. Changes the state; the
+    displacements and rotations are in work.body afterwards. Adds to the impulses that `acted`.
+    Returns the number of collisions.
     """
     first_row, count = rows_in_use(manifolds)
     candidates = 0
@@ -86,14 +87,13 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             load_body(inv_m, inv_I_C, state, F, body, work.body[body])
             work.last[body], work.collisions[body] = 0.0, 0
-    return collide_candidates(h, inv_m, inv_I_C, state, shapes, materials, manifolds,
-                              normal_impulse, friction_impulse, work)
+    return collide_candidates(h, inv_m, inv_I_C, state, shapes, materials, manifolds, acted, work)
 
 
 @kernel
 def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes,
-                       materials: Materials, manifolds: Manifolds, normal_impulse: Array,
-                       friction_impulse: Array, work: CollisionWork) -> int:
+                       materials: Materials, manifolds: Manifolds, acted: StepImpulses,
+                       work: CollisionWork) -> int:
     """Let the chosen pairs collide, in the order of time, as their bodies move by now."""
     candidates, collisions = work.candidates[0], 0
     for _ in range(ROUNDS if candidates > 0 else 0):
@@ -111,7 +111,7 @@ def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, sha
             if _is_first(h, k, manifolds, work):
                 count = _choose_together(h, inv_m, k, candidates, manifolds, work)
                 collisions += _collide(inv_m, inv_I_C, state, shapes, materials, manifolds, count,
-                                       normal_impulse, friction_impulse, work)
+                                       acted, work)
                 _seek_again(h, state, shapes, manifolds, count, work)
                 done = True
         if not done:
@@ -215,8 +215,7 @@ def _is_among(numbers: IntArray, count: int, k: int) -> bool:
 
 @kernel
 def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materials: Materials,
-             manifolds: Manifolds, count: int, normal_impulse: Array, friction_impulse: Array,
-             work: CollisionWork) -> int:
+             manifolds: Manifolds, count: int, acted: StepImpulses, work: CollisionWork) -> int:
     """Let the chosen pairs collide, at the time of the first; return how many had an impulse."""
     tau = NEVER
     for k in range(count):
@@ -231,13 +230,13 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
                    ALIKE * _size(shapes, manifolds, r),
                    _restitution(shapes, materials, one, other), r, tau, k, work)
     find_impulses(count, work)
-    acted = 0
+    collided = 0
     for k in range(count):
         r = work.rows[work.together[k]] & INDEX
         if not _acted(k, manifolds.points[r], work):
             continue
-        acted += 1
-        _write_pair(shapes.kind, manifolds, r, k, normal_impulse, friction_impulse, work)
+        collided += 1
+        _write_pair(shapes.kind, manifolds, r, k, acted, work)
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             store_body(inv_I_C, state, body, tau, work.body[body])
             # What nothing pushes goes on as before, whatever it was met by.
@@ -250,7 +249,7 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
         r = work.rows[work.together[k]] & INDEX
         if _acted(k, manifolds.points[r], work):
             work.collided_at[r] = collisions_of(manifolds, r, work)
-    return acted
+    return collided
 
 
 @kernel
@@ -463,9 +462,9 @@ def _on_sphere(body: Array, r: Vector, radius: float, before: Vector, n: Vector,
 
 
 @kernel
-def _write_pair(kind: IntArray, manifolds: Manifolds, r: int, k: int, normal_impulse: Array,
-                friction_impulse: Array, work: CollisionWork) -> None:
-    """Add the impulses of pair k of a collision to those of its manifold."""
+def _write_pair(kind: IntArray, manifolds: Manifolds, r: int, k: int, acted: StepImpulses,
+                work: CollisionWork) -> None:
+    """Add the impulses of pair k of a collision to those that acted on its manifold."""
     J = row(work.pair.slide, k)
     if _are_balls(kind, manifolds, r):
         # The manifold has the normal from the start of the step.
@@ -473,9 +472,9 @@ def _write_pair(kind: IntArray, manifolds: Manifolds, r: int, k: int, normal_imp
         J = add_scaled(J, work.impulse[k, 0], row(work.pair.normal, k))
         along = dot(J, before)
         J = add_scaled(J, -along, before)
-        normal_impulse[0, r] += along
+        acted.normal[0, r] += along
     else:
         for p in range(manifolds.points[r]):
-            normal_impulse[p, r] += work.impulse[k, p]
+            acted.normal[p, r] += work.impulse[k, p]
     for j in range(3):
-        friction_impulse[r, j] += J[j]
+        acted.friction[r, j] += J[j]

@@ -18,7 +18,7 @@ under no force, so they hold for every pair of shapes:
 """
 
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, read_rates, read_turning, tangents, to_contact, to_world)
+    Bodies, Contacts, linear, read_rates, read_turning, tangents, to_contact, to_world)
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.motion_ahead import place_ahead
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
@@ -29,7 +29,7 @@ from rigid_sim_ros.engine.maths.algebra import (
     add, add_scaled, column, cross, dot, norm, quaternion, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
-from rigid_sim_ros.engine.state.rates import angular_velocity
+from rigid_sim_ros.engine.state.rates import angular_velocity, relative_velocity
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -67,13 +67,13 @@ def turn_bodies(model: Model, state: State, tau: Array, t: float, some: IntArray
 
 
 @kernel
-def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contacts: Contacts,
+def carry_ahead(model: Model, state: State, no_loads: Loads, shapes: Shapes, contacts: Contacts,
                 bodies: Bodies, then: Array, chosen: IntArray, width: int, t: float, pose: Array,
                 scratch: Scratch, u: Array) -> None:
     """
     Bring the chosen points to the middle of a span t [s]; write their rates u, (wm,), at its end.
 
-    still: loads of 0; then, (n, 6): the velocities at the end. A point that is not found there is
+    no_loads: of 0; then, (n, 6): the velocities at the end. A point that is not found there is
     taken as it was before, an error of first order in t which the next step sees as a velocity and
     takes back.
     """
@@ -85,18 +85,19 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
             after += 1
         a, b = contacts.shape_a[k], contacts.shape_b[k]
         size = contacts.size[k]
-        place_ahead(model, state, still, shapes, a, 0.0, pose)
-        place_ahead(model, state, still, shapes, b, 0.0, pose)
+        place_ahead(model, state, no_loads, shapes, a, 0.0, pose)
+        place_ahead(model, state, no_loads, shapes, b, 0.0, pose)
         e = contacts.axes
         on_face = meets_face(pose, shapes, a, b, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2]))
-        count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, on_face, pose, scratch)
+        count, n = _meet(model, state, no_loads, shapes, a, b, 0.5 * t, size, on_face, pose,
+                         scratch)
         for c in range(first, after):
             _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)
             p = _same_point(contacts, chosen[c], count, n, scratch)
             if p >= 0:
                 _move_point(state, contacts, bodies, chosen[c], 0.5 * t, n, scratch.points, p,
                             JUMP * size)
-        count, n = _meet(model, state, still, shapes, a, b, t, size, on_face, pose, scratch)
+        count, n = _meet(model, state, no_loads, shapes, a, b, t, size, on_face, pose, scratch)
         for c in range(first, after):
             at = width * c
             read_rates(model, contacts, then, chosen[c], width, u, at)
@@ -167,7 +168,7 @@ def _fit_motion(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> N
 
 
 @kernel
-def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: int, t: float,
+def _meet(model: Model, state: State, no_loads: Loads, shapes: Shapes, a: int, b: int, t: float,
           margin: float, on_face: bool, pose: Array, scratch: Scratch) -> tuple[int, Vector]:
     """
     Return how many points two shapes have after t [s], and their normal.
@@ -175,8 +176,8 @@ def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: i
     None where they met on a face, and do not any more: what is beside the face, another piece of
     the same floor or nothing, the next step sees.
     """
-    place_ahead(model, state, still, shapes, a, t, pose)
-    place_ahead(model, state, still, shapes, b, t, pose)
+    place_ahead(model, state, no_loads, shapes, a, t, pose)
+    place_ahead(model, state, no_loads, shapes, b, t, pose)
     count, n = collide(pose, shapes, a, b, margin, 0.0, scratch)
     return 0 if on_face and not meets_face(pose, shapes, a, b, n) else count, n
 
@@ -250,9 +251,8 @@ def _velocity(state: State, contacts: Contacts, bodies: Bodies, then: Array, k: 
     at = _common(points, p, n)
     r_A = subtract(at, _ahead(state, bodies, a, t))
     r_B = subtract(at, _ahead(state, bodies, b, t))
-    at_A = cross((then[a, 3], then[a, 4], then[a, 5]), r_A)
-    at_B = cross((then[b, 3], then[b, 4], then[b, 5]), r_B)
     on_A = norm(subtract(r_A, row(contacts.r_A, k)))
     on_B = norm(subtract(r_B, row(contacts.r_B, k)))
-    return (then[b, 0] - then[a, 0] + at_B[0] - at_A[0], then[b, 1] - then[a, 1] + at_B[1]
-            - at_A[1], then[b, 2] - then[a, 2] + at_B[2] - at_A[2]), min(on_A, on_B)
+    v = relative_velocity(linear(then, a), (then[a, 3], then[a, 4], then[a, 5]), r_A,
+                          linear(then, b), (then[b, 3], then[b, 4], then[b, 5]), r_B)
+    return v, min(on_A, on_B)

@@ -4,7 +4,7 @@
 
 from rigid_sim_ros.engine.contact.contact_newton import Newton, NEWTON_STEPS, refine_rows
 from rigid_sim_ros.engine.contact.contact_rows import Rows, sweep_rows, violation
-from rigid_sim_ros.engine.contact.coulomb import ENOUGH, GOAL, TOLERANCE
+from rigid_sim_ros.engine.contact.coulomb import EARLY_TOLERANCE, GOAL, TOLERANCE
 from rigid_sim_ros.engine.contact.interior_point import approach_solution, Interior
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import kernel
@@ -47,7 +47,7 @@ def solve_contact_rows(rows: Rows, m: int, width: int, touched: int, steps: int,
     """
     size, count = _size(rows, width * m), width * m
     worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
-    if worst <= (TOLERANCE if again else ENOUGH) * size:
+    if worst <= (TOLERANCE if again else EARLY_TOLERANCE) * size:
         return worst / size
     for k in range(count):
         interior.start[k] = rows.f[k]
@@ -86,7 +86,7 @@ def continue_rows(rows: Rows, m: int, width: int, touched: int, w: Newton) -> fl
         if worst <= TOLERANCE * size or w.effort[0] - begun > MOST_EFFORT:
             break
         violation(rows, m, width, rows.f)
-        sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * ENOUGH * size)
+        sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * EARLY_TOLERANCE * size)
         worst = refine_rows(rows, m, width, touched, GOAL * size, NEWTON_STEPS, w)
         w.effort[0] += NEWTON_STEPS * effort_of(m, width, touched) + 50.0 * width * m * sweeps
         sweeps *= 3

@@ -27,7 +27,7 @@ from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.maths.algebra import column, cross, norm, quaternion, row, scale
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
-from rigid_sim_ros.engine.state.rates import spin_of
+from rigid_sim_ros.engine.state.rates import relative_velocity, spin_of
 from rigid_sim_ros.engine.state.state import add_impulse_with_lever, State
 from rigid_sim_ros.engine.state.world_inertia import world_inertia
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
@@ -266,11 +266,8 @@ def relative(rates: Array, contacts: Contacts, k: int) -> Vector:
     """Return the rate of B minus that of A at point k, world axes, from rows (linear, angular)."""
     a, b = contacts.body_a[k], contacts.body_b[k]
     r_A, r_B = row(contacts.r_A, k), row(contacts.r_B, k)
-    at_A = cross((rates[a, 3], rates[a, 4], rates[a, 5]), r_A)
-    at_B = cross((rates[b, 3], rates[b, 4], rates[b, 5]), r_B)
-    return (rates[b, 0] - rates[a, 0] + at_B[0] - at_A[0],
-            rates[b, 1] - rates[a, 1] + at_B[1] - at_A[1],
-            rates[b, 2] - rates[a, 2] + at_B[2] - at_A[2])
+    return relative_velocity(linear(rates, a), (rates[a, 3], rates[a, 4], rates[a, 5]), r_A,
+                             linear(rates, b), (rates[b, 3], rates[b, 4], rates[b, 5]), r_B)
 
 
 @kernel

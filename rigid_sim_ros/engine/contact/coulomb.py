@@ -21,10 +21,10 @@ from rigid_sim_ros.kernels.kernel import kernel
 COMPLIANCE = 1e-8
 # Newton's method ends at a violation this small against |b|; rounding leaves 1e-16 to 1e-13.
 GOAL = 1e-12
-# Less than ENOUGH ends the search: 1e-9 of g moves a body at rest with 1e-11 m/s after a step of 1
-# ms. Redundant points on the verge of slipping may stay above it; more than TOLERANCE after ROUNDS
-# is not solved.
-ENOUGH = 1e-9
+# Less than EARLY_TOLERANCE ends the search: 1e-9 of g moves a body at rest with 1e-11 m/s after a
+# step of 1 ms. Redundant points on the verge of slipping may stay above it; more than TOLERANCE
+# after ROUNDS is not solved.
+EARLY_TOLERANCE = 1e-9
 TOLERANCE = 1e-7
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contacts import Contacts, length, to_world
-from rigid_sim_ros.engine.detection.manifolds import forget_impulses, Manifolds
+from rigid_sim_ros.engine.detection.manifolds import forget_impulses, Manifolds, point_of_feature
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -99,9 +99,9 @@ def record(model: Model, manifolds: Manifolds, contacts: Contacts, impulses: Arr
             if manifolds.shape_a[r] == a and manifolds.shape_b[r] == b:
                 break
             r = (r + 1) % manifolds.count[0]
-        for j in range(manifolds.points[r]):
-            if manifolds.feature[j, r] == contacts.feature[k]:
-                manifolds.impulse[j, r] += impulses[k, 0]
+        p = point_of_feature(manifolds, r, contacts.feature[k])
+        if p >= 0:
+            manifolds.impulse[p, r] += impulses[k, 0]
         rubbing = to_world(contacts, k, (0.0, impulses[k, 1], impulses[k, 2]))
         for i in range(3):
             manifolds.friction[r, i] += rubbing[i]

@@ -39,7 +39,7 @@ from rigid_sim_ros.engine.contact.contact_rows import (
     make_rows, read_matrix, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, length, read_rates
 from rigid_sim_ros.engine.contact.coulomb import (
-    coefficients, COMPLIANCE, disk, ENOUGH, GOAL, TOLERANCE)
+    coefficients, COMPLIANCE, disk, EARLY_TOLERANCE, GOAL, TOLERANCE)
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.maths.algebra import cross, dot, row
 from rigid_sim_ros.engine.model.model import Model
@@ -312,7 +312,7 @@ def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     # first.
     worst = improve(make_problem(stiff, b, table), f, 0, GOAL * size,
                     FEW_STEPS if start.any() else 0)
-    if worst <= ENOUGH * size:
+    if worst <= EARLY_TOLERANCE * size:
         return f, Outcome(worst / max(size, 1e-300), True, CARRIED_OVER, 0)
     return search(stiff, b, table, start)
 
@@ -364,8 +364,8 @@ def _search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome
             left = improve(problem, trial, sweeps, GOAL * size, NEWTON_STEPS)
             if left < worst:
                 worst, best = left, trial
-            if worst <= ENOUGH * size:
+            if worst <= EARLY_TOLERANCE * size:
                 break
-        if worst <= (ENOUGH if turn < FEW_ROUNDS else TOLERANCE) * size:
+        if worst <= (EARLY_TOLERANCE if turn < FEW_ROUNDS else TOLERANCE) * size:
             break
     return best, Outcome(worst / max(size, 1e-300), worst <= TOLERANCE * size, status, iterations)

@@ -17,7 +17,7 @@ import math
 
 from rigid_sim_ros.engine.detection.grid import (
     boxes_overlap, column_key, find_cell, Grid, inverse_size, levels_in_use, shapes_on, WIDE)
-from rigid_sim_ros.engine.detection.manifolds import NEAR
+from rigid_sim_ros.engine.detection.manifolds import PAIRS_LISTED
 from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
@@ -243,7 +243,7 @@ def _look_into_column(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, 
     for begin, end in ((first, last), (0, -1)) if first <= last else ((first, t - 1), (0, last)):
         k, until = grid.buckets[begin & INDEX], grid.buckets[(end + 1) & INDEX]
         while k < until:
-            some = min(k + NEAR, until)
+            some = min(k + PAIRS_LISTED, until)
             for i in range(_near_members(grid, key, s, k, some, near)):
                 other = near[i] & INDEX
                 if (grid.cells[other, 1] == x and grid.cells[other, 2] == y

@@ -6,8 +6,7 @@ The impulses of manifolds, carried over to the next step by the features that me
 What `event` carries over are forces: contact/carried_forces.py.
 """
 
-from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use
-from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use, StepImpulses
 from rigid_sim_ros.kernels.kernel import kernel, part
 
 
@@ -33,8 +32,8 @@ def carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int
 
 
 @kernel
-def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
-    """Forget the impulses of the last step: of all points, for a prediction may add some."""
+def clear_impulses(manifolds: Manifolds, acted: StepImpulses) -> None:
+    """Let nothing have acted in this step yet: at all points, for a prediction may add some."""
     first, count = rows_in_use(manifolds)
-    friction_impulse[first:first + count] = 0.0
-    normal_impulse[:, first:first + count] = 0.0
+    acted.friction[first:first + count] = 0.0
+    acted.normal[:, first:first + count] = 0.0

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, Protocol
 
 from rigid_sim_ros.engine.detection.broad_phase import mark_moved, near_pairs
 from rigid_sim_ros.engine.detection.manifolds import (
-    CONTACTS, current, earlier, Manifolds, Memory, NEAR, NO_SEARCH, PAIRS, RECYCLED, Scratch,
-    SHORT_ROWS, turn_page_back, WITNESSED)
+    CONTACTS, current, earlier, Manifolds, Memory, NO_SEARCH, PAIRS, PAIRS_LISTED, RECYCLED,
+    Scratch, SHORT_ROWS, turn_page_back, WITNESSED)
 from rigid_sim_ros.engine.detection.pair_list import (
     find_pairs, look_for_share, note_moved, take_shares)
 from rigid_sim_ros.engine.detection.pair_manifold import (
@@ -30,13 +30,14 @@ from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 from rigid_sim_ros.kernels.separate import address_of, by_address
 
-# What a thread counts besides what is in `Memory.counters`: manifolds, and pairs left out for want
-# of `search`.
-ROWS, LEFT_OUT = 7, 6
-# The stages by their numbers: everything but seams; what moved; the partners of what moved, by the
-# first thread and by the second (the number that follows), and taken in; the manifolds, in the
-# same way, and by one thread; those of what is thrown again; and, once all are there, their seams.
-WHOLE, NOTE, LOOK, TAKE, FIND, ALL, THROWN, SEAMS = 0, 1, 2, 4, 5, 7, 8, 9
+# What a thread counts besides what is in `Memory.counters`: pairs left out for want of `search`,
+# and manifolds.
+UNSEARCHED, ROWS = 6, 7
+# The stages: everything but seams; what moved; the partners of what moved, by the first thread and
+# by the second, and taken in; the manifolds, by the first thread and by the second, and by one
+# thread alone; those of what is thrown again; and, once all are there, their seams.
+(WHOLE, NOTE, LOOK_FIRST, LOOK_SECOND, TAKE, FIND_FIRST, FIND_SECOND, ALL, THROWN,
+ SEAMS) = range(10)
 
 
 class Share(NamedTuple):
@@ -54,7 +55,7 @@ class Share(NamedTuple):
     backwards: int  # 0 or 1
 
 
-class Arguments(SearchArguments, Protocol):
+class DetectionArguments(SearchArguments, Protocol):
     """What the separate pieces of detection read of the arguments of a step."""
 
     @property
@@ -151,15 +152,15 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
         return settle_seams(shapes, memory, c)
     if stage == NOTE:
         note_moved(shapes, memory)
-    elif stage < TAKE:
-        look_for_share(model, shapes, memory, stage - LOOK)
+    elif stage in (LOOK_FIRST, LOOK_SECOND):
+        look_for_share(model, shapes, memory, 0 if stage == LOOK_FIRST else 1)
     else:
-        find_share(state, shapes, memory, stage - FIND, c)
+        find_share(state, shapes, memory, 0 if stage == FIND_FIRST else 1, c)
     return True
 
 
 @by_address
-def detect_part(c: Arguments, stage: int) -> int:
+def detect_part(c: DetectionArguments, stage: int) -> int:
     """Do a stage of detection, see `detect_stage`; return 1 if all was there for it, else 0."""
     return int(detect_stage(stage, c.model, c.state, c.shapes, c.memory, c))
 
@@ -212,7 +213,7 @@ def find_share(state: State, shapes: Shapes, memory: Memory, thread: int, c: Any
 def turn_page(memory: Memory, first: int, rows: int) -> bool:
     """Let the rows that were found be the current manifolds, if all are there and had room."""
     now = earlier(memory)
-    if memory.shares[0, LEFT_OUT] + memory.shares[1, LEFT_OUT] > 0:
+    if memory.shares[0, UNSEARCHED] + memory.shares[1, UNSEARCHED] > 0:
         memory.counters[NO_SEARCH] = 1
         return False
     # The last row stays free: what comes after a full page was tried out in it.
@@ -234,7 +235,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
     Backwards a row is found by the place after it, so that every place is 0 or more. Which of the
-    pairs are near is listed first, some pairs at a time, in `listing` (NEAR,).
+    pairs are near is listed first, some pairs at a time, in `listing` (PAIRS_LISTED,).
     touching (n,) becomes 1 for the bodies of what is found, and 0 for others; found_so (8,) what
     `turn_page` counts, and in ROWS how many rows would have been needed.
     """
@@ -246,7 +247,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     touching[:] = 0
     while left > 0 or at != end:
         if at == end:
-            some = min(left, NEAR)
+            some = min(left, PAIRS_LISTED)
             first = share.first + left - some if back == 1 else share.last - left
             listed = near_pairs(shapes.kind, memory.pair, memory.box, first,
                                 first + some, listing)
@@ -275,4 +276,4 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
             place += step
     found_so[PAIRS], found_so[WITNESSED] = near, settled
     found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
-    found_so[ROWS], found_so[LEFT_OUT] = rows, left_out
+    found_so[ROWS], found_so[UNSEARCHED] = rows, left_out

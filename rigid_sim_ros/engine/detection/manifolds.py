@@ -8,7 +8,7 @@ manifolds of this step and of the last take turns in two pages, so that impulses
 by walking through both in order, without a search and without a copy. What nobody asks of the last
 step both pages share. Its impulses nobody asks for once they are carried over: then the model
 `timestep` writes there what acted in the whole step, collisions included, for those who ask what
-pressed on what.
+pressed on what: `step_impulses`.
 
 Most contacts are one point of a ball, and 10 000 bodies have 30 000. So the first points of all
 manifolds lie side by side, then all second points, and what belongs to polyhedra is written for
@@ -64,6 +64,13 @@ class Manifolds(NamedTuple):
     p_B_C: Array  # (c, 4, 3) [m] points on B in axes of C of body B
 
 
+class StepImpulses(NamedTuple):
+    """What acted on the latest manifolds in the whole step, collisions included; their rows."""
+
+    normal: Array  # (4, c) [N s] at each point, along the normal
+    friction: Array  # (c, 3) [N s] tangential impulse on B, world axes
+
+
 class Scratch(NamedTuple):
     """Room in which one manifold is worked out."""
 
@@ -96,7 +103,7 @@ class Seams(NamedTuple):
 
 
 CANDIDATES = 96
-NEAR = 64
+PAIRS_LISTED = 64  # near pairs of one thread, at a time
 EPA_CORNERS = 160
 EPA_FACES = 512
 
@@ -131,7 +138,7 @@ class Memory(NamedTuple):
     scratch: Scratch
     other_scratch: Scratch  # for a second thread
     left: IntArray  # (2, 8) first of all how many shapes of either half left their fat boxes
-    near: IntArray  # (2, NEAR) some pairs whose bounding boxes overlap, of either thread
+    near: IntArray  # (2, PAIRS_LISTED) some pairs whose bounding boxes overlap, of either thread
     looked: IntArray  # (2,) new pairs that either thread has in `fresh`, -1 if it had no room
     shares: IntArray  # (2, 8) what either thread found, see parallel_detection.py
     ranges: IntArray  # (2, 6) the `Share` of either thread
@@ -200,8 +207,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(s),
         room(s, 6), unsettled(bodies), make_grid(s), integers(3), _names(2 * capacity, 2),
         _names(4, 4 * s, 2), integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(),
-        _scratch(), integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
-        integers(1), room(2, bodies, kind=np.int8), _seams(s, capacity))
+        _scratch(), integers(2, 8), integers(2, PAIRS_LISTED), integers(2), integers(2, 8),
+        integers(2, 6), integers(1), room(2, bodies, kind=np.int8), _seams(s, capacity))
     forget_pairs(memory)
     return memory
 
@@ -245,13 +252,19 @@ def current(memory: Memory) -> Manifolds:
 
 @kernel
 def earlier(memory: Memory) -> Manifolds:
-    """
-    Return the other page, that of the step before.
-
-    `impulse` and `friction` are what acted on the manifolds of the latest step where a model wrote
-    that, in the rows of these.
-    """
+    """Return the other page, that of the step before; once detection is over, `step_impulses`."""
     return memory.pages[1 - memory.page[0]]
+
+
+@kernel
+def step_impulses(memory: Memory) -> StepImpulses:
+    """
+    Return what acted on the latest manifolds, where a model writes that.
+
+    It is in the impulses of the other page, which after detection nobody asks for.
+    """
+    page = memory.pages[1 - memory.page[0]]
+    return StepImpulses(page.impulse, page.friction)
 
 
 @kernel
@@ -260,9 +273,10 @@ def turn_page_back(memory: Memory) -> None:
     memory.page[0] = 1 - memory.page[0]
 
 
-def earlier_manifolds(memory: Memory) -> Manifolds:
-    """Return the same in Python."""
-    return memory.pages[1 - int(memory.page[0])]
+def latest_impulses(memory: Memory) -> StepImpulses:
+    """Return what `step_impulses` does, in Python."""
+    page = memory.pages[1 - int(memory.page[0])]
+    return StepImpulses(page.impulse, page.friction)
 
 
 def current_manifolds(memory: Memory) -> Manifolds:
@@ -382,6 +396,15 @@ def has_impulse(impulse: Array, points: int, r: int) -> bool:
         if impulse[p, r] != 0.0:
             return True
     return False
+
+
+@kernel
+def point_of_feature(manifolds: Manifolds, r: int, feature: int) -> int:
+    """Return which point of manifold r has a feature, -1: none."""
+    for p in range(manifolds.points[r]):
+        if manifolds.feature[p, r] == feature:
+            return p
+    return -1
 
 
 @kernel

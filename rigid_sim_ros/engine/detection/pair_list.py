@@ -161,7 +161,7 @@ def _is_before(a: int, b: int, c: int, d: int) -> bool:
 
 @kernel
 def _have_witnesses(kind: IntArray) -> bool:
-    """Return whether any pair of shapes may have a witness: see `worth_it`."""
+    """Return whether any pair of shapes may have a witness: balls and planes need none."""
     for s in range(kind.shape[0]):
         if not is_ball(kind[s]) and not is_unbounded(kind[s]):
             return True

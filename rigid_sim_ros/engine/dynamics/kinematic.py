@@ -54,7 +54,7 @@ def begin_kinematic(model: Model, state: State) -> bool:
     """End the twists whose time is over; return whether any body moves in this step."""
     moves = False
     for i in model.fixed:
-        if state.left[i] == 0:
+        if state.twist_steps_left[i] == 0:
             for k in range(6):
                 state.V[k, i] = 0.0
         moves = moves or is_carried(state, i)
@@ -82,8 +82,8 @@ def carry(state: State, i: int, t: float) -> None:
 def end_kinematic(model: Model, state: State) -> None:
     """Count the step down that is over."""
     for i in model.fixed:
-        if state.left[i] > 0:
-            state.left[i] -= 1
+        if state.twist_steps_left[i] > 0:
+            state.twist_steps_left[i] -= 1
 
 
 @kernel
@@ -135,5 +135,5 @@ def approach(model: Model, state: State, motion: BodyMotion, i: int, steps: int,
     if farthest > size * steps or farthest > fastest * t:
         return False
     state.V[:3, i], state.V[3:, i] = way / t, np.array(turn) / t
-    state.left[i] = steps
+    state.twist_steps_left[i] = steps
     return True

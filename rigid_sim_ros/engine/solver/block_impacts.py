@@ -12,9 +12,9 @@ the two bodies become x + d, (1 - |d| / |x|)^2 of it stays, nothing where they a
 """
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    axes, FRICTION, IMPULSE, INV_I_A, INV_I_B, LEVER_A, LEVER_B, load_three, Motion, NORMAL, POINT,
-    POINT_ROWS, RESTING, RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL, SIZE, SPIN, symmetric, Three,
-    TOTAL, TOTAL_T, TURN, TURN_T)
+    APPROACH, axes, FRICTION, FRICTION_ASIDE, IMPULSE, IMPULSE_ASIDE, INV_I_A, INV_I_B, LEVER_A,
+    LEVER_B, load_three, Motion, NORMAL, POINT, POINT_ROWS, ROLL, ROLL_ASIDE, SIZE, SPIN,
+    SPIN_ASIDE, symmetric, Three, TOTAL, TOTAL_T, TURN, TURN_T)
 from rigid_sim_ros.engine.maths.vector import add, cross, dot, scale, subtract
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, Blocks, lanes_of, numbers_of, points_in, resists)
@@ -37,13 +37,13 @@ def begin_impact(blocks: Blocks, block: int, bits: int) -> None:
     b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
     for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        _set_aside(b, point + IMPULSE, point + RESTING, mask)
+        _set_aside(b, point + IMPULSE, point + IMPULSE_ASIDE, mask)
     for k in range(2):
-        _set_aside(b, FRICTION + k, RESTING_T + k, mask)
+        _set_aside(b, FRICTION + k, FRICTION_ASIDE + k, mask)
     if not are_balls(kind):
-        _set_aside(b, SPIN, RESTING_SPIN, mask)
+        _set_aside(b, SPIN, SPIN_ASIDE, mask)
     for k in range(2 if resists(kind) else 0):
-        _set_aside(b, ROLL + k, RESTING_ROLL + k, mask)
+        _set_aside(b, ROLL + k, ROLL_ASIDE + k, mask)
 
 
 @part
@@ -64,13 +64,13 @@ def end_impact(blocks: Blocks, block: int, bits: int, motion: Array, drifted: Ar
     _fade_turns(b, kind, blocks.at_A[lanes], blocks.at_B[lanes], drifted, motion, mask)
     for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        _put_back(b, point + IMPULSE, point + RESTING, point + TOTAL, mask)
+        _put_back(b, point + IMPULSE, point + IMPULSE_ASIDE, point + TOTAL, mask)
     for k in range(2):
-        _put_back(b, FRICTION + k, RESTING_T + k, TOTAL_T + k, mask)
+        _put_back(b, FRICTION + k, FRICTION_ASIDE + k, TOTAL_T + k, mask)
     if not are_balls(kind):
-        store(b, SPIN, select(mask, load(b, RESTING_SPIN), load(b, SPIN)))
+        store(b, SPIN, select(mask, load(b, SPIN_ASIDE), load(b, SPIN)))
     for k in range(2 if resists(kind) else 0):
-        store(b, ROLL + k, select(mask, load(b, RESTING_ROLL + k), load(b, ROLL + k)))
+        store(b, ROLL + k, select(mask, load(b, ROLL_ASIDE + k), load(b, ROLL + k)))
     _note_approach(b, kind, motion, blocks.at_A[lanes], blocks.at_B[lanes], mask)
 
 
@@ -133,7 +133,7 @@ def forget_excuse(blocks: Blocks, block: int) -> None:
     """End what `excuse_approach` began."""
     b = numbers_of(blocks, block)
     for p in range(4 if points_in(blocks.kind[block]) > 1 else 1):
-        store(b, POINT + p * POINT_ROWS + RESTING, 0.0)
+        store(b, POINT + p * POINT_ROWS + APPROACH, 0.0)
 
 
 @part
@@ -143,15 +143,15 @@ def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: Int
     A, B = gather(motion, at_A), gather(motion, at_B)
     if are_balls(kind):
         along = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), load_three(b, NORMAL))
-        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
+        store(b, POINT + APPROACH, select(mask, max(-along, 0.0), 0.0))
         return
     n, t1, t2 = axes(b)
     _, u, w = relative_twist(b, A, B)
     along, about_1, about_2 = dot(u, n), dot(w, t1), dot(w, t2)
     if points_in(kind) == 1:
-        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
+        store(b, POINT + APPROACH, select(mask, max(-along, 0.0), 0.0))
         return
     for p in range(4):
         point = POINT + p * POINT_ROWS
         speed = point_speed(b, point, along, about_1, about_2)
-        store(b, point + RESTING, select(mask, max(-speed, 0.0), 0.0))
+        store(b, point + APPROACH, select(mask, max(-speed, 0.0), 0.0))

@@ -3,9 +3,9 @@
 """The way of manifolds into the blocks of the sequential solver."""
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, friction_of, GAP, IMPULSE, INV_I_A, INV_I_B, LEVER_A,
-    LEVER_B, load_three, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, prepare_block, pushed,
-    RESTING, ROLL, ROLL_LEVER, S, SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three,
+    ABSENT, APPROACH, ARM_A, ARM_B, axes, combine, friction_of, GAP, IMPULSE, INV_I_A, INV_I_B,
+    LEVER_A, LEVER_B, load_three, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, prepare_block,
+    pushed, ROLL, ROLL_LEVER, S, SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three,
     TORSION, TOTAL_T, TURN)
 from rigid_sim_ros.engine.constraints.contact_prediction import AFTERWARDS, AHEAD, Prediction
 from rigid_sim_ros.engine.constraints.contact_rules import SKIN
@@ -40,8 +40,8 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, activity: 
     List the manifolds of a half that are solved: neither left out, nor of two bodies at rest.
 
     With those of the first half also those across. Where numbers cut, the manifolds of the second
-    half are those from its first shape on, and whatever else has a body there is across. waits
-    (c,) tells which take part.
+    half are those from its first shape on, and whatever else has a body there is across.
+    activity (c,) tells which take part.
     """
     found, across, wanted, side = 0, 0, region + 1, sides.of_body
     begin, count = rows_in_use(manifolds)
@@ -253,7 +253,7 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Pred
     there = gather_integers(manifolds.points, rows) > 0.0
     store(b, POINT + GAP, select(there, gap, ABSENT))
     store(b, POINT + IMPULSE, select(there, share * impulse, 0.0))
-    store(b, POINT + RESTING, 0.0)
+    store(b, POINT + APPROACH, 0.0)
 
 
 @part
@@ -352,7 +352,7 @@ def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds
                            select(there, r_A[2], 0.0) + half * n[2]))
     store(b, point + GAP, select(there, gap, ABSENT))
     store(b, point + IMPULSE, select(there, share * impulse, 0.0))
-    store(b, point + RESTING, 0.0)
+    store(b, point + APPROACH, 0.0)
 
 
 @kernel

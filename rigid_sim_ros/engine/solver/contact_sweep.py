@@ -3,9 +3,9 @@
 """One visit of the sequential solver to eight manifolds; see contact_blocks.py."""
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
-    INV_I_A, INV_I_B, K_N, K_NN, K_TN, keep_friction, load_three, load_two, MASS, Motion, NORMAL,
-    normal_sum, POINT, POINT_ROWS, PRESSED, pushed, RESTING, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE,
+    ABSENT, APPROACH, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP,
+    IMPULSE, INV_I_A, INV_I_B, K_N, K_NN, K_TN, keep_friction, load_three, load_two, MASS, Motion,
+    NORMAL, normal_sum, POINT, POINT_ROWS, PRESSED, pushed, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE,
     SHOVE_TURN, SIZE, smallest_gap, SPEED, store_two, symmetric, T, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
     approach_of, bounded_step, gap_of, is_open, least_speed, NEGLIGIBLE, normal_impulse, settled,
@@ -323,7 +323,7 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
         point = POINT + p * POINT_ROWS
         was_open, speed = is_open(b, point), point_speed(b, point, along, about_1, about_2)
         store(b, point + GAP, load(b, point + GAP) + h * speed)
-        store(b, point + RESTING, 0.0)
+        store(b, point + APPROACH, 0.0)
         least = min(least, approach_of(speed + least_speed(b, point, what), was_open))
     return least
 

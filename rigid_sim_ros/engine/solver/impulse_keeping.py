@@ -7,7 +7,7 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     load_two, NORMAL, normal_sum, POINT, POINT_ROWS, ROLL, SHOVE, SPIN, Three, TORSION, TOTAL,
     total_of)
 from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
-from rigid_sim_ros.engine.detection.manifolds import Manifolds, POINTS
+from rigid_sim_ros.engine.detection.manifolds import Manifolds, POINTS, StepImpulses
 from rigid_sim_ros.engine.maths.vector import add, scale, subtract
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, Blocks, CACHED, Coloring, fetch_block, first_block, lanes_of, numbers_of, PIECE,
@@ -25,7 +25,7 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 @part
 def store_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Manifolds,
                    prediction: Prediction, bodies: SolverBodies, h: float, substeps: int,
-                   adds: bool, normal_impulse: Array, friction_impulse: Array) -> float:
+                   adds: bool, all_acted: StepImpulses) -> float:
     """
     Keep the impulses of a region, and give pairs back what L their motion cost.
 
@@ -33,8 +33,8 @@ def store_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: M
 
     The manifolds get those of the last substep, as if it had lasted for the whole step: the next
     step begins with them. A mean over the substeps would lag behind, and a lag feeds the sway of a
-    stack. What acted in all of them is written to the last two arrays, or added where it `adds` to
-    what collisions did.
+    stack. What acted in all of them is written to `all_acted`, or added where it `adds` to what
+    collisions did.
     """
     residual, first = 0.0, first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
@@ -47,7 +47,7 @@ def store_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: M
         if ahead < coloring.members[region]:
             r = coloring.member[region, ahead] & INDEX
             _fetch_kept(r, manifolds.impulse, manifolds.friction)
-            _fetch_kept(r, normal_impulse, friction_impulse)
+            _fetch_kept(r, all_acted.normal, all_acted.friction)
         residual = max(residual, blocks.residual[block])
         n, t1, t2 = axes(b)
         zero = spread(0.0)
@@ -62,9 +62,9 @@ def store_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: M
             scatter_rows_3(manifolds.roll, rows, 3, 0, combine(n, t1, t2, (zero, roll_1, roll_2)))
         F = combine(n, t1, t2, (zero, acted[1], acted[2]))
         if adds:
-            F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)
-        scatter_rows_3(friction_impulse, rows, 3, 0, F)
-        _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps, adds)
+            F = add(gather_rows_3(all_acted.friction, rows, 3, 0), F)
+        scatter_rows_3(all_acted.friction, rows, 3, 0, F)
+        _keep_normals(b, rows, points, manifolds.impulse, all_acted.normal, substeps, adds)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         if _mark_touched(b, points, acted, bodies, at_A, at_B, blocks.left[block] & SHOVED != 0):
             _give_back(b, acted, rows, prediction, bodies, at_A, at_B, h,
@@ -90,16 +90,16 @@ def _keep_spin(rows: IntArray, spin: Eight, kept: Array) -> None:
 
 
 @part
-def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_impulse: Array,
+def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, acted: Array,
                   substeps: int, adds: bool) -> None:
     """Keep the normal impulses."""
     for p in range(POINTS if points > 1 else 1):
         point, first = POINT + p * POINT_ROWS, p * impulse.shape[1]
         total = load(b, point + TOTAL)
         if adds:
-            (before,) = gather_rows_1(normal_impulse, rows, 1, first)
+            (before,) = gather_rows_1(acted, rows, 1, first)
             total = before + total
-        scatter_rows_1(normal_impulse, rows, 1, first, (total,))
+        scatter_rows_1(acted, rows, 1, first, (total,))
         scatter_rows_1(impulse, rows, 1, first, (substeps * load(b, point + IMPULSE),))
 
 

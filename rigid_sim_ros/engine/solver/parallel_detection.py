@@ -10,8 +10,8 @@ side by side, however many each of them finds. Where the room was too small one 
 """
 
 from rigid_sim_ros.engine.detection.detect import (
-    ALL, detect_part, FIND, get_share, LOOK, NOTE, place_some, ROWS, set_share, Share, TAKE,
-    turn_page)
+    ALL, detect_part, FIND_FIRST, FIND_SECOND, get_share, LOOK_FIRST, LOOK_SECOND, NOTE,
+    place_some, ROWS, set_share, Share, TAKE, turn_page)
 from rigid_sim_ros.engine.detection.manifolds import (
     current, first_row, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
 from rigid_sim_ros.engine.detection.margins import set_margins
@@ -26,9 +26,8 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 from rigid_sim_ros.kernels.second_core import side_by_side
 from rigid_sim_ros.kernels.separate import address_of, by_address
 
-# The stages that one thread alone does not have, by their numbers; of those in halves the number
-# of the first half.
-SHARE_OUT, FIT, JOIN, PLACE, _, REFRESH = range(6)
+# The stages that one thread alone does not have; two of them in halves.
+SHARE_OUT, FIT, JOIN, PLACE_FIRST, PLACE_SECOND, REFRESH_FIRST, REFRESH_SECOND = range(7)
 # What a manifold takes more than a pair that a witness settles.
 _OF_RECYCLED, _OF_NEW = 2, 14
 
@@ -38,16 +37,16 @@ def detect_in_parallel(c: Arguments) -> int:
     """Find manifolds by two threads, not their seams; return 1 if all was there, else 0."""
     memory, job = c.memory, c.job
     alone, shared = address_of(detect_part, c), address_of(share_part, c)
-    side_by_side(job, shared, c, PLACE, PLACE + 1)
+    side_by_side(job, shared, c, PLACE_FIRST, PLACE_SECOND)
     if memory.left[0, 0] + memory.left[1, 0] > 0:
-        side_by_side(job, shared, c, REFRESH, REFRESH + 1)
+        side_by_side(job, shared, c, REFRESH_FIRST, REFRESH_SECOND)
     detect_part(c, NOTE)
     if memory.counters[REBUILT] > 0:
-        side_by_side(job, alone, c, LOOK, LOOK + 1)
+        side_by_side(job, alone, c, LOOK_FIRST, LOOK_SECOND)
         if detect_part(c, TAKE) == 0:
             return 0
     share_part(c, SHARE_OUT)
-    side_by_side(job, alone, c, FIND, FIND + 1)
+    side_by_side(job, alone, c, FIND_FIRST, FIND_SECOND)
     if share_part(c, FIT) == 0:
         return detect_part(c, ALL)
     return share_part(c, JOIN)
@@ -58,8 +57,8 @@ def share_part(c: Arguments, stage: int) -> int:
     """Do a stage that one thread alone does not have; return 1 if there was room, else 0."""
     sides = c.work.solver.sides
     first = sides.middle[0], sides.middle[1]
-    if PLACE <= stage < REFRESH:
-        some, bodies = in_half(stage - PLACE, first, c.state, c.shapes)
+    if stage in (PLACE_FIRST, PLACE_SECOND):
+        some, bodies = in_half(0 if stage == PLACE_FIRST else 1, first, c.state, c.shapes)
         set_margins_and_sides(c, some, bodies)
     return int(share_stage(stage, c.model, c.state, c.shapes, c.memory, first,
                            is_by_number(sides.cut)))
@@ -91,7 +90,7 @@ def share_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: 
     Pairs are shared out in these halves as well, `by_number`, where the solver has them; else by
     what they took in the last step.
     """
-    half = 1 if stage == PLACE + 1 or stage == REFRESH + 1 else 0
+    half = 1 if stage in (PLACE_SECOND, REFRESH_SECOND) else 0
     some, bodies = in_half(half, first, state, shapes)
     if stage == SHARE_OUT:
         _share_out(memory, by_number, first[1])
@@ -99,7 +98,7 @@ def share_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: 
         return _fit(memory)
     elif stage == JOIN:
         return _join(memory)
-    elif stage < REFRESH:
+    elif stage in (PLACE_FIRST, PLACE_SECOND):
         place_some(state, shapes, memory, half, some, bodies)
     else:
         refresh_some(model, state, shapes, memory, half, some)

@@ -27,7 +27,7 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.kernels.kernel import apart, INDEX, inlined, kernel, part
 
 # Manifolds from which on a world is cut: with fewer, what is across is too large a share.
-ENOUGH = 512
+MANIFOLDS_TO_HALVE = 512
 # Sides are bits: the sides of both bodies of a manifold make that of the manifold.
 STILL, FIRST, SECOND, ACROSS = range(4)
 _BINS = 1024

@@ -174,12 +174,12 @@ def _end_at_passage(c: Arguments, a: int, b: int) -> None:
     if shapes.still[a] == 1:
         i, k = k, i
     if ways.length[i] > 0.5 * DEEPER * min(shapes.half_width[a], shapes.half_width[b]):
-        t = passage(c.model, ways.path, c.work.prediction.still, shapes, a, b, ways.begin[i], h,
+        t = passage(c.model, ways.path, c.work.prediction.no_loads, shapes, a, b, ways.begin[i], h,
                     c.work.prediction.pose, c.memory.scratch)
         if t / h < ways.part[i]:
             ways.part[i] = t / h
             ways.met[i, 0], ways.met[i, 1] = a, b
-            gap, _ = pair_gap(c.model, ways.path, c.work.prediction.still, shapes, a, b,
+            gap, _ = pair_gap(c.model, ways.path, c.work.prediction.no_loads, shapes, a, b,
                               ways.begin[i], c.work.prediction.pose, c.memory.scratch)
             ways.sank[i] = 1 if gap < 0.0 else 0
             arm = subtract(column(ways.path.x, i), column(ways.path.x, k))
@@ -231,7 +231,7 @@ def hit_what_stopped(c: Arguments) -> None:
         if a < 0 or ways.sank[i] == 0:
             continue
         for s in (a, b):
-            place_ahead(c.model, c.state, c.work.prediction.still, shapes, s, 0.0, pose)
+            place_ahead(c.model, c.state, c.work.prediction.no_loads, shapes, s, 0.0, pose)
         count, n = collide(pose, shapes, a, b, 0.0, 0.0, c.memory.scratch)
         k = shapes.body[b] if shapes.body[a] == i else shapes.body[a]
         out = scale(1.0 if shapes.body[b] == i else -1.0, n)

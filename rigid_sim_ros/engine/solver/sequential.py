@@ -16,7 +16,7 @@ which is unstable for b > e. A stack of ten has e = 0.01 a substep, so it would 
 """
 
 from rigid_sim_ros.engine.constraints.contact_rules import SETTLED, Sweep
-from rigid_sim_ros.engine.detection.manifolds import current, earlier
+from rigid_sim_ros.engine.detection.manifolds import current, step_impulses
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
 from rigid_sim_ros.engine.maths.vector import norm
 from rigid_sim_ros.engine.solver.arguments import Arguments, SequentialWork
@@ -281,10 +281,9 @@ def solve_part(c: Arguments, number: int) -> int:
     if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
         _drift(region, what, slow, h, work)
     elif stage == KEEP:
-        manifolds, acted = current(c.memory), earlier(c.memory)
         notes[LARGEST] = store_impulses(
-            region, blocks, work.coloring, manifolds, c.work.prediction, bodies, h,
-            c.settings.sequential.substeps, work.shifted[0] == 1, acted.impulse, acted.friction)
+            region, blocks, work.coloring, current(c.memory), c.work.prediction, bodies, h,
+            c.settings.sequential.substeps, work.shifted[0] == 1, step_impulses(c.memory))
     return 0
 
 

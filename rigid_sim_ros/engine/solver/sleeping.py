@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, Manifolds, Memory, rows_in_use, smallest_gap)
+    current, Manifolds, Memory, rows_in_use, smallest_gap, StepImpulses)
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.kinematic import is_carried
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
@@ -296,14 +296,13 @@ def _rest_together(inv_m: Array, state: State, rest: Rest, a: int, b: int, holds
 
 
 @kernel
-def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, normal_impulse: Array,
-                  friction_impulse: Array) -> None:
+def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, acted: StepImpulses) -> None:
     """Report for what sleeps the impulses with which it fell asleep."""
     first, count = rows_in_use(manifolds)
     for r in range(first, first + count):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] + rest.asleep[b] > 0 and slot[a] == 0 and slot[b] == 0:
             for p in range(manifolds.points[r]):
-                normal_impulse[p, r] = manifolds.impulse[p, r]
+                acted.normal[p, r] = manifolds.impulse[p, r]
             for k in range(3):
-                friction_impulse[r, k] = manifolds.friction[r, k]
+                acted.friction[r, k] = manifolds.friction[r, k]

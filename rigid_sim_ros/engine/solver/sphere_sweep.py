@@ -14,9 +14,9 @@ other shapes. That takes a third of the work of other contacts and half of their
 """
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B,
-    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESTING, SHOVE, SIZE,
-    SPEED, STICK, store_two, Three, TURN_T)
+    ABSENT, APPROACH, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A,
+    LEVER_B, load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, SHOVE, SIZE, SPEED,
+    STICK, store_two, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
     approach_of, bounded_step, is_open, least_speed, NEGLIGIBLE, normal_impulse, Sweep, wanted_of)
 from rigid_sim_ros.engine.maths.vector import add_scaled, dot, scale, subtract
@@ -121,7 +121,7 @@ def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sw
     drift_together(b, 1, shoved, v, h)
     was_open, speed = is_open(b, POINT), dot(v, n)
     store(b, POINT + GAP, load(b, POINT + GAP) + h * speed)
-    store(b, POINT + RESTING, 0.0)
+    store(b, POINT + APPROACH, 0.0)
     return approach_of(speed + least_speed(b, POINT, what), was_open)
 
 

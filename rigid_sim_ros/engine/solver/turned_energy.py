@@ -27,7 +27,7 @@ might get through that. What gains less than `MORE` stays: that is the order of 
 import math
 
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, earlier, has_impulse, rows_in_use)
+    current, has_impulse, rows_in_use, step_impulses)
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, unit)
 from rigid_sim_ros.engine.maths.vector import (
@@ -68,7 +68,7 @@ def take_back_gains(c: Arguments) -> None:
 @kernel
 def _keeps_momentum(c: Arguments, i: int) -> bool:
     """Return whether a body is among such that nothing fixed or kinematic touched or stopped."""
-    manifolds, acted = current(c.memory), earlier(c.memory)
+    manifolds, acted = current(c.memory), step_impulses(c.memory)
     first, count = rows_in_use(manifolds)
     meets = False
     for k in range(count):
@@ -76,7 +76,7 @@ def _keeps_momentum(c: Arguments, i: int) -> bool:
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if i in (a, b):
             moves = min(c.model.inv_m[a], c.model.inv_m[b]) > 0.0
-            if not moves and has_impulse(acted.impulse, manifolds.points[r], r):
+            if not moves and has_impulse(acted.normal, manifolds.points[r], r):
                 return False
             meets = meets or moves
     return meets and c.work.ways.met[i, 0] < 0

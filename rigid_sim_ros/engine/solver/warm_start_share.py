@@ -18,8 +18,8 @@ where it is at less than 1 / 2, beyond which they would make energy, that part o
 """
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    FRICTION, IMPULSE, POINT, POINT_ROWS, RESTING, RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL,
-    SPIN)
+    FRICTION, FRICTION_ASIDE, IMPULSE, IMPULSE_ASIDE, POINT, POINT_ROWS, ROLL, ROLL_ASIDE, SPIN,
+    SPIN_ASIDE)
 from rigid_sim_ros.engine.contact.colliding_body import get
 from rigid_sim_ros.engine.maths.union_find import first_of
 from rigid_sim_ros.engine.maths.vector import symmetric_times
@@ -120,10 +120,10 @@ def _moves(motion: Array, at: int) -> bool:
 
 @kernel
 def _scale_lane(b: Array, kind: int, i: int, share: float, hit: bool) -> None:
-    """Multiply all impulses of lane i of a block; those of an impact are others, see RESTING."""
+    """Multiply all impulses of lane i of a block, while an impact is solved those set aside."""
     impulse, friction, spin, roll = IMPULSE, FRICTION, SPIN, ROLL
     if hit:
-        impulse, friction, spin, roll = RESTING, RESTING_T, RESTING_SPIN, RESTING_ROLL
+        impulse, friction, spin, roll = IMPULSE_ASIDE, FRICTION_ASIDE, SPIN_ASIDE, ROLL_ASIDE
     for p in range(4 if points_in(kind) > 1 else 1):
         b[(POINT + p * POINT_ROWS + impulse) * LANES + i] *= share
     for k in range(2):

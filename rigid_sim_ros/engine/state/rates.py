@@ -9,7 +9,7 @@ Meyer, Rigid Body Dynamics: "Angular Momentum", "Inertia Tensor", "Orientation".
 import math
 
 from rigid_sim_ros.engine.maths.rotation import multiply, rotate, rotate_back
-from rigid_sim_ros.engine.maths.vector import add, cross, dot, norm, times
+from rigid_sim_ros.engine.maths.vector import add, cross, dot, norm, subtract, times
 from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -63,6 +63,17 @@ def fastest_turning(q_WC: Quaternion, L: Vector, inv_I: Vector, radius: float,
 def velocity_at(v: Vector, w: Vector, r: Vector) -> Vector:
     """Return v + w x r [m/s]: the velocity of a point r [m] from the centre of mass."""
     return add(v, cross(w, r))
+
+
+@inlined
+def relative_velocity(v_A: Vector, w_A: Vector, r_A: Vector, v_B: Vector, w_B: Vector,
+                      r_B: Vector) -> Vector:
+    """
+    Return the velocity of B relative to A at a point [m/s], v_B + w_B x r_B - v_A - w_A x r_A.
+
+    r_A and r_B [m] are where the point is from the centres of mass of A and B.
+    """
+    return subtract(add(subtract(v_B, v_A), cross(w_B, r_B)), cross(w_A, r_A))
 
 
 @inlined

@@ -32,7 +32,7 @@ class State(NamedTuple):
     # twists of the frames C of fixed and kinematic bodies in this step, (6, n) v and w [m/s,
     # rad/s], world axes; 0 for all others
     V: Array
-    left: IntArray  # (n,) steps for which V still holds, see kinematic.py
+    twist_steps_left: IntArray  # (n,) steps for which V still holds, see kinematic.py
 
 
 MOVING_FIELDS = ('x', 'q', 'P', 'L')     # of what can be pushed, the rest is of what cannot
@@ -66,7 +66,7 @@ def empty_state(n: int) -> State:
 def copy_state(state: State) -> State:
     """Return an independent copy."""
     return State(state.x.copy(), state.q.copy(), state.P.copy(), state.L.copy(), state.V.copy(),
-                 state.left.copy())
+                 state.twist_steps_left.copy())
 
 
 @kernel
@@ -87,7 +87,7 @@ def copy_body(target: State, source: State, i: int) -> None:
         target.q[k, i] = source.q[k, i]
     for k in range(6):
         target.V[k, i] = source.V[k, i]
-    target.left[i] = source.left[i]
+    target.twist_steps_left[i] = source.twist_steps_left[i]
 
 
 @apart

@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 from rigid_sim_ros.engine.detection.manifold_rows import pack_rows
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, earlier, Manifolds, Memory, POINTS, rows_in_use, smallest_gap)
+    current, Manifolds, Memory, point_of_feature, POINTS, rows_in_use, smallest_gap, step_impulses,
+    StepImpulses)
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.joints.part import Part, put_back, take_out
@@ -307,7 +308,7 @@ def merge(d: Division) -> None:
             copy_body(state, moved, i)
     put_back(d.part, d.motion)
     memory = d.free.memory
-    _take_impulses(d.has_joints, current(memory), earlier(memory), current(d.memory))
+    _take_impulses(d.has_joints, current(memory), step_impulses(memory), current(d.memory))
     if may_sleep(d.free):
         _let_sleep(d)
 
@@ -321,9 +322,7 @@ def _let_sleep(d: Division) -> None:
             for k in range(d.table.first_axis[i], d.table.first_axis[i + 1]):
                 end_command(d.motion.drives, k)
     mark_told(d.table, d.motion, d.told, c.rest)
-    acted = earlier(memory)
-    keep_pressing(current(memory), c.work.solver.bodies.slot, c.rest, acted.impulse,
-                  acted.friction)
+    keep_pressing(current(memory), c.work.solver.bodies.slot, c.rest, step_impulses(memory))
     fall_asleep(d.inv_m, d.inv_I_C, c.state, c.work.loads, c.work.radius, current(memory),
                 c.settings.sleep_steps, c.rest)
     for i in range(d.table.body.shape[0]):
@@ -333,7 +332,7 @@ def _let_sleep(d: Division) -> None:
 
 
 @kernel
-def _take_impulses(has_joints: IntArray, manifolds: Manifolds, acted: Manifolds,
+def _take_impulses(has_joints: IntArray, manifolds: Manifolds, acted: StepImpulses,
                    solved: Manifolds) -> None:
     """
     Write what the solver with joints found to the manifolds of the world.
@@ -359,7 +358,7 @@ def _take_impulses(has_joints: IntArray, manifolds: Manifolds, acted: Manifolds,
         if at < solved.count[0] and solved.shape_a[at] == a and solved.shape_b[at] == b:
             _take_row(manifolds, r, solved, at)
         for j in range(POINTS):
-            acted.impulse[j, r] = manifolds.impulse[j, r]
+            acted.normal[j, r] = manifolds.impulse[j, r]
         for i in range(3):
             acted.friction[r, i] = manifolds.friction[r, i]
 
@@ -367,10 +366,7 @@ def _take_impulses(has_joints: IntArray, manifolds: Manifolds, acted: Manifolds,
 @kernel
 def _take_row(manifolds: Manifolds, r: int, solved: Manifolds, at: int) -> None:
     for j in range(solved.points[at]):
-        point = 0
-        for i in range(manifolds.points[r]):
-            if manifolds.feature[i, r] == solved.feature[j, at]:
-                point = i
+        point = max(point_of_feature(manifolds, r, solved.feature[j, at]), 0)
         manifolds.impulse[point, r] += solved.impulse[j, at]
     for i in range(3):
         manifolds.friction[r, i] = solved.friction[at, i]

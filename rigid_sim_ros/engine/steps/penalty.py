@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.basis import Basis
+from rigid_sim_ros.engine.contact.carried_forces import longer, match_forces
 from rigid_sim_ros.engine.contact.contact_search import (
     DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, make_bodies, make_contacts, read_velocity, to_world)
 from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySettings
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_all_impulses
-from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
+from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory, point_of_feature
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, kick, Loads
 from rigid_sim_ros.engine.dynamics.free_flight import fly
 from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, make_work, sum_loads, Work
@@ -61,8 +62,9 @@ class Buffers(NamedTuple):
     loads: Loads
     order: IntArray  # (2, rows of the memory) for `gather`
     contacts: Contacts
-    impulses: Array  # (c, 3) [N, contact axes] on B
+    forces: Array  # (c, 3) [N, contact axes] on B
     stretch: Array  # (c, 3) [m, world axes]
+    match: IntArray  # (c,) which of the bristles each point has, -1: none
     bristles: Bristles  # (c,) of the end of the last step, or of the middle of this one
 
 
@@ -87,6 +89,8 @@ BEGIN, END = range(2)
 def run(c: PenaltyArguments) -> int:
     """Take steps until none are left; return DONE, or what is needed before they go on."""
     while c.buffers.steps_left[0] > 0:
+        if c.buffers.stage[0] == BEGIN:
+            begin_kinematic(c.model, c.state)
         why = find_overlaps(c)
         if why != DONE:
             return why
@@ -127,7 +131,7 @@ def take_second_half(c: PenaltyArguments) -> None:
 
 @kernel
 def find_overlaps(c: PenaltyArguments) -> int:
-    """Find the points that overlap; return DONE, or what is needed first."""
+    """Find the points that overlap, and how bodies move; return DONE, or what is needed first."""
     shapes, memory, w = c.shapes, c.memory, c.buffers
     for s in range(shapes.bound.shape[0]):
         memory.margin[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
@@ -139,8 +143,6 @@ def find_overlaps(c: PenaltyArguments) -> int:
     w.needed[0] = max(w.needed[0], w.known[0])
     if w.needed[0] > w.contacts.gap.shape[0]:
         return MORE_CONTACTS
-    # Whose twist is over stands still; in the second half of a step that is nobody.
-    begin_kinematic(c.model, c.state)
     for i in range(c.model.m.shape[0]):
         read_velocity(c.model, c.state, i, w.bodies)
     return DONE
@@ -150,32 +152,25 @@ def find_overlaps(c: PenaltyArguments) -> int:
 def push(c: PenaltyArguments, t: float, h: float) -> None:
     """Kick by h [s] of the forces of all points, after a slip of t [s]; keep bristles."""
     w = c.buffers
-    _recall(w.contacts, c.state, w.bristles, w.known[0], w.stretch)
+    match_forces(w.contacts, w.bristles, w.known[0], w.match)
+    _recall(w.contacts, c.state, w.bristles, w.match, w.stretch)
     penalty_forces(c.model, c.state, c.shapes, c.materials, c.settings, w.contacts, w.bodies,
-                   w.stretch, t, w.loads, w.impulses)
+                   w.stretch, t, w.loads, w.forces)
     _keep(w.contacts, c.state, w.stretch, w.bristles)
     w.known[0] = w.contacts.count[0]
     kick(c.state, w.loads, h)
 
 
 @kernel
-def _recall(contacts: Contacts, state: State, bristles: Bristles, size: int,
+def _recall(contacts: Contacts, state: State, bristles: Bristles, match: IntArray,
             stretch: Array) -> None:
     """Write the stretches of points that were there before, world axes, 0 for the others."""
-    at = 0
     for k in range(contacts.count[0]):
+        s = (0.0, 0.0, 0.0)
+        if match[k] >= 0:
+            s = rotate(quaternion(state.q, contacts.body_a[k]), row(bristles.stretch, match[k]))
         for i in range(3):
-            stretch[k, i] = 0.0
-        for tried in range(size):
-            j = (at + tried) % size
-            if (bristles.shape_a[j] == contacts.shape_a[k]
-                    and bristles.shape_b[j] == contacts.shape_b[k]
-                    and bristles.feature[j] == contacts.feature[k]):
-                s = rotate(quaternion(state.q, contacts.body_a[k]), row(bristles.stretch, j))
-                for i in range(3):
-                    stretch[k, i] = s[i]
-                at = j + 1
-                break
+            stretch[k, i] = s[i]
 
 
 @kernel
@@ -193,12 +188,12 @@ def _keep(contacts: Contacts, state: State, world: Array, bristles: Bristles) ->
 @kernel
 def record(c: PenaltyArguments, t: float) -> None:
     """Add what the forces of the points give in t [s] to the impulses of the manifolds."""
-    manifolds, contacts, forces = current(c.memory), c.buffers.contacts, c.buffers.impulses
+    manifolds, contacts, forces = current(c.memory), c.buffers.contacts, c.buffers.forces
     for k in range(contacts.count[0]):
         r = contacts.manifold[k]
-        for j in range(manifolds.points[r]):
-            if manifolds.feature[j, r] == contacts.feature[k]:
-                manifolds.impulse[j, r] += t * forces[k, 0]
+        p = point_of_feature(manifolds, r, contacts.feature[k])
+        if p >= 0:
+            manifolds.impulse[p, r] += t * forces[k, 0]
         rubbing = to_world(contacts, k, (0.0, t * forces[k, 1], t * forces[k, 2]))
         for i in range(3):
             manifolds.friction[r, i] += rubbing[i]
@@ -206,12 +201,7 @@ def record(c: PenaltyArguments, t: float) -> None:
 
 def _longer(bristles: Bristles, rows: int) -> Bristles:
     """Return bristles with room for so many rows, or as many as there are."""
-    found = []
-    for field in bristles:
-        room = np.zeros((max(rows, len(field)), *field.shape[1:]), dtype=field.dtype)
-        room[:len(field)] = field
-        found.append(room)
-    return Bristles._make(found)
+    return Bristles._make(longer(field, rows) for field in bristles)
 
 
 def no_bristles() -> Bristles:
@@ -227,7 +217,7 @@ def make_arguments(basis: Basis) -> PenaltyArguments:
     buffers = Buffers(
         left, stage, known, needed, make_work(n), make_bodies(n), empty_loads(n),
         np.zeros((2, c), dtype=np.int64), make_contacts(c), np.zeros((c, 3)), np.zeros((c, 3)),
-        _longer(no_bristles(), c))
+        np.zeros(c, dtype=np.int64), _longer(no_bristles(), c))
     return PenaltyArguments(*basis, PenaltySettings(), buffers)
 
 
@@ -239,8 +229,8 @@ def with_room(c: PenaltyArguments, why: int) -> PenaltyArguments:
     if why == MORE_MANIFOLDS:
         return c._replace(buffers=w._replace(order=np.zeros((2, rows), dtype=np.int64)))
     return c._replace(buffers=w._replace(
-        contacts=make_contacts(rows), impulses=np.zeros((rows, 3)), stretch=np.zeros((rows, 3)),
-        bristles=_longer(w.bristles, rows)))
+        contacts=make_contacts(rows), forces=np.zeros((rows, 3)), stretch=np.zeros((rows, 3)),
+        match=np.zeros(rows, dtype=np.int64), bristles=_longer(w.bristles, rows)))
 
 
 def carried_over(c: PenaltyArguments) -> Bristles:

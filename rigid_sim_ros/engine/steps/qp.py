@@ -33,11 +33,10 @@ from rigid_sim_ros.engine.contact.resting_qp import effective_mass, Outcome, sol
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_within_margins
 from rigid_sim_ros.engine.detection.manifolds import (
-    current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
+    current_manifolds, grown, latest_impulses, Manifolds, Memory, point_of_feature, StepImpulses)
 from rigid_sim_ros.engine.detection.margins import set_margins
-from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
-from rigid_sim_ros.engine.dynamics.integrate import sum_loads
+from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.maths.vector import cross, row
@@ -137,19 +136,17 @@ def find_contacts(c: QpArguments) -> QpArguments:
         memory = grown(memory)
     if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
         work.shared = make_timestep_work(model, shapes, memory)
-    manifolds, acted = current_manifolds(memory), earlier_manifolds(memory)
-    clear_impulses(manifolds, acted.impulse, acted.friction)
+    clear_impulses(current_manifolds(memory), latest_impulses(memory))
     return c._replace(memory=memory)
 
 
 def bounce(c: QpArguments) -> None:
     """Give colliding bodies their impulses, at the time at which they meet."""
     model, shared = c.model, c.work.shared
-    manifolds, acted = current_manifolds(c.memory), earlier_manifolds(c.memory)
+    manifolds = current_manifolds(c.memory)
     shared.collision.activity[:] = 0
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, c.state, shared.loads.F, c.shapes,
-                      c.materials, manifolds, acted.impulse, acted.friction,
-                      shared.collision) > 0:
+                      c.materials, manifolds, latest_impulses(c.memory), shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
     mark_touching(manifolds, shared.collision.activity, c.memory.touching)
 
@@ -186,8 +183,7 @@ def apply_later_forces(c: QpArguments) -> None:
     """Kick by half of the change of the loads, as in the symplectic method: at the new poses."""
     shared = c.work.shared
     sum_loads(c.model, c.state, c.wrenches, shared.later)
-    kick(c.state, shared.later, 0.5 * c.model.h)
-    kick(c.state, shared.loads, -0.5 * c.model.h)
+    kick_by_change(c.state, shared.loads, shared.later, c.model.h)
 
 
 @kernel
@@ -235,7 +231,7 @@ def solve_contacts(c: QpArguments, chosen: IntArray) -> tuple[Array, Array]:
     f = _find_impulses(model, chosen, rows, work)
     _push(contacts, chosen, f, work.shared.solver.bodies, work.shared.solver.bodies.motion)
     manifolds.impulse[:, :count] = 0.0
-    _write_impulses(manifolds, earlier_manifolds(c.memory), contacts, chosen, f)
+    _write_impulses(manifolds, latest_impulses(c.memory), contacts, chosen, f)
     return f, _push_apart(c, chosen, rows, f)
 
 
@@ -375,32 +371,23 @@ def _push_slot(slot: int, sign: float, r: Vector, J: Vector, mass: Array, motion
 
 
 @kernel
-def _point_of(manifolds: Manifolds, r: int, feature: int) -> int:
-    """Return which point of a manifold has this feature."""
-    for p in range(manifolds.points[r]):
-        if manifolds.feature[p, r] == feature:
-            return p
-    return 0
-
-
-@kernel
 def _read_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f: Array) -> None:
     """Write the normal impulses of the last step, to begin with."""
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
-        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        p = point_of_feature(manifolds, r, contacts.feature[chosen[c]])
         f[3 * c] = manifolds.impulse[p, r]
 
 
 @kernel
-def _write_impulses(manifolds: Manifolds, acted: Manifolds, contacts: Contacts, chosen: IntArray,
-                    f: Array) -> None:
+def _write_impulses(manifolds: Manifolds, acted: StepImpulses, contacts: Contacts,
+                    chosen: IntArray, f: Array) -> None:
     """Keep the impulses of this step, and add them to those of its collisions."""
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
-        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        p = point_of_feature(manifolds, r, contacts.feature[chosen[c]])
         manifolds.impulse[p, r] = f[3 * c]
-        acted.impulse[p, r] += f[3 * c]
+        acted.normal[p, r] += f[3 * c]
         tangential = to_world(contacts, chosen[c], (0.0, f[3 * c + 1], f[3 * c + 2]))
         for k in range(3):
             manifolds.friction[r, k] += tangential[k]

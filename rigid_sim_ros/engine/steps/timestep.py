@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.contact.collisions import collide_bodies, collide_cand
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_part, SEAMS, THROWN, WHOLE
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, current_manifolds, earlier, grown, NO_SEARCH)
+    current, current_manifolds, grown, NO_SEARCH, step_impulses)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY, SEARCHED
 from rigid_sim_ros.engine.detection.pair_manifold import search
 from rigid_sim_ros.engine.detection.thrown_margins import SEARCHES, widen_margins
@@ -31,7 +31,8 @@ from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
     detect_in_parallel, set_margins_and_sides, share_part, take_sides_of)
-from rigid_sim_ros.engine.solver.partition import begin_slots, choose_cut, ENOUGH, mark_touching
+from rigid_sim_ros.engine.solver.partition import (
+    begin_slots, choose_cut, MANIFOLDS_TO_HALVE, mark_touching)
 from rigid_sim_ros.engine.solver.passages import end_ways, hit_what_stopped, is_any_fast
 from rigid_sim_ros.engine.solver.sequential import (
     move_solved, solve_contacts, solve_directly, solve_part, store_part)
@@ -41,7 +42,7 @@ from rigid_sim_ros.engine.solver.turned_energy import gains_any_by_turning, take
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.kernel import apart, kernel
 from rigid_sim_ros.kernels.second_core import Helper, is_helped
-from rigid_sim_ros.kernels.separate import by_address, link, link_late, Pieces
+from rigid_sim_ros.kernels.separate import by_address, link, link_late, NO_NUMBER, Pieces
 
 # Steps in one call of a world that a helper may help, for until the next one nobody calls it.
 _STEPS_WITHOUT_HELP = 64
@@ -142,24 +143,27 @@ def apply_forces(c: Arguments) -> None:
     """Sum the loads at the start of the step; uniform gravity is there from an earlier one."""
     work = c.work
     if may_sleep(c) or work.loaded[0] == 1 or work.uniform[0] == 0:
-        sum_loads(c, work.loads, 0)
+        sum_loads(c, work.loads, START)
         work.uniform[0] = 1 - work.loaded[0]
     work.solver.bodies.alike[0] = 1 - work.loaded[0]
 
 
+START, END = range(2)    # of a step: the times at which loads are summed
+
+
 @apart
-def sum_loads(c: Arguments, loads: Loads, later: int) -> None:
+def sum_loads(c: Arguments, loads: Loads, when: int) -> None:
     """Sum gravity, the forces of the scene and the wrenches of users."""
     begin_loads(c.model, c.state, loads)
     if c.model.forces.kind.shape[0] > 0:
-        add_forces(c, later)
+        add_forces(c, when)
     end_loads(c.model, c.state, c.wrenches, loads)
 
 
 @by_address
-def add_forces(c: Arguments, later: int) -> int:
+def add_forces(c: Arguments, when: int) -> int:
     """Add the forces of the scene to the loads of the start of the step, or of its end."""
-    if later == 1:
+    if when == END:
         add_scene_forces(c.model, c.state, c.work.later)
     else:
         add_scene_forces(c.model, c.state, c.work.loads)
@@ -202,13 +206,13 @@ def let_islands_sleep(c: Arguments) -> None:
 def wake_or_sleep(c: Arguments, when: int) -> int:
     """Let islands wake or sleep, in one of the parts of a step."""
     model, state, work, rest = c.model, c.state, c.work, c.rest
-    manifolds, acted = current(c.memory), earlier(c.memory)
+    manifolds = current(c.memory)
     if when == _DISTURBED:
         wake_disturbed(model, state, work.loads, work.radius, manifolds, rest)
     elif when == _TOUCHED:
         wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, c.memory, rest)
     else:
-        keep_pressing(manifolds, work.solver.bodies.slot, rest, acted.impulse, acted.friction)
+        keep_pressing(manifolds, work.solver.bodies.slot, rest, step_impulses(c.memory))
         fall_asleep(model.inv_m, model.inv_I_C, state, work.loads, work.radius, manifolds,
                     c.settings.sleep_steps, rest)
     return 0
@@ -232,7 +236,7 @@ def detect(c: Arguments) -> bool:
 @kernel
 def detect_once(c: Arguments) -> bool:
     """Find the manifolds within the margins of how bodies move as the step begins."""
-    many, cut = current(c.memory).count[0] >= ENOUGH, c.work.solver.sides.cut
+    many, cut = current(c.memory).count[0] >= MANIFOLDS_TO_HALVE, c.work.solver.sides.cut
     if not many:
         cut.halved[0], cut.left[0] = 0, 0
     elif cut.left[0] == 0:
@@ -260,45 +264,48 @@ def fly_all(c: Arguments, count: Any) -> None:
 @kernel
 def predict(c: Arguments) -> None:
     """Give contacts the geometry of the time in which they act."""
-    manifolds, acted = current(c.memory), earlier(c.memory)
     if may_sleep(c) or c.uses.bounces == 1:
         # Of all others the solver writes them.
-        clear_impulses(manifolds, acted.impulse, acted.friction)
-    predict_part(c, CONTACTS)
+        clear_impulses(current(c.memory), step_impulses(c.memory))
+    predict_or_correct(c, PREDICT)
 
 
 @kernel
 def stop_before_passages(c: Arguments) -> None:
     """Let bodies stop where they would get through something that nothing pushes."""
-    predict_part(c, PASSAGES)
+    predict_or_correct(c, STOP)
 
 
 @kernel
 def take_back_energy(c: Arguments) -> None:
     """Take from bodies the energy that they gained by turning under their impulses."""
-    predict_part(c, GAINS)
+    predict_or_correct(c, TAKE_BACK)
 
 
 @kernel
 def collide_stopped(c: Arguments) -> None:
     """Let bodies collide with what stopped them, where the step began in an overlap."""
-    predict_part(c, STOPPED)
+    predict_or_correct(c, COLLIDE_STOPPED)
 
 
-CONTACTS, PASSAGES, GAINS, STOPPED = range(4)
+PREDICT, STOP, TAKE_BACK, COLLIDE_STOPPED = range(4)
 
 
 @by_address
-def predict_part(c: Arguments, what: int) -> int:
-    """Predict the contacts of a step, or do one of three things that few steps need."""
+def predict_or_correct(c: Arguments, stage: int) -> int:
+    """
+    Predict the contacts of a step, or correct a motion: stop bodies, take back energy, collide.
+
+    One piece, for what is compiled apart has the searches for nearest points in it once more.
+    """
     memory, work = c.memory, c.work
-    if what == PASSAGES:
+    if stage == STOP:
         end_ways(c)
         return 0
-    if what == GAINS:
+    if stage == TAKE_BACK:
         take_back_gains(c)
         return 0
-    if what == STOPPED:
+    if stage == COLLIDE_STOPPED:
         hit_what_stopped(c)
         return 0
     predict_contacts(c.model, c.state, work.loads, c.shapes, c.materials, current(memory),
@@ -311,26 +318,25 @@ def predict_part(c: Arguments, what: int) -> int:
 def bounce(c: Arguments) -> None:
     """Give colliding bodies their impulses, at the time at which they meet."""
     if c.uses.bounces == 1:
-        c.work.solver.shifted[0] = 1 if collide(c, 0) > 0 else 0
+        c.work.solver.shifted[0] = 1 if collide(c, NO_NUMBER) > 0 else 0
         mark_touching(current(c.memory), c.work.collision.activity, c.memory.touching)
 
 
 @by_address
 def collide(c: Arguments, _: int) -> int:
     """Let what has a restitution collide, on new ways again; return how often."""
-    model, work, acted, manifolds = c.model, c.work, earlier(c.memory), current(c.memory)
+    model, work, acted, manifolds = c.model, c.work, step_impulses(c.memory), current(c.memory)
     count = collide_bodies(
         model.h, model.inv_m, model.inv_I_C, c.state, work.loads.F, c.shapes, c.materials,
-        manifolds, acted.impulse, acted.friction, work.collision)
+        manifolds, acted, work.collision)
     for _ in range(ROUNDS if count > 0 else 0):
         if find_next_touches(
                 model, c.state, work.loads, c.shapes, c.materials, manifolds, c.memory.margin,
-                acted.impulse, acted.friction, work.prediction, c.memory.scratch,
-                work.collision) == 0:
+                acted, work.prediction, c.memory.scratch, work.collision) == 0:
             break
         count += collide_candidates(
             model.h, model.inv_m, model.inv_I_C, c.state, c.shapes, c.materials, manifolds,
-            acted.impulse, acted.friction, work.collision)
+            acted, work.collision)
     return count
 
 
@@ -354,7 +360,7 @@ def solve(c: Arguments) -> None:
 def apply_later_forces(c: Arguments) -> None:
     """Kick by half of the change of the loads, as in the symplectic method: at the new poses."""
     if c.work.loaded[0] == 1:
-        sum_loads(c, c.work.later, 1)
+        sum_loads(c, c.work.later, END)
         kick_by_change(c.state, c.work.loads, c.work.later, c.model.h)
 
 
@@ -388,7 +394,7 @@ def advance(c: Arguments, count: int, pack: ArgumentPack | None = None,
         if not pack.is_linked:
             link(advance_steps, pack, pieces_of(c, helper is not None))
         some = count - done if helper is None else min(count - done, _STEPS_WITHOUT_HELP)
-        if helper is None or current_manifolds(c.memory).count[0] < ENOUGH:
+        if helper is None or current_manifolds(c.memory).count[0] < MANIFOLDS_TO_HALVE:
             taken = pack.run(advance_steps, some)
         else:
             with helper:
@@ -443,7 +449,7 @@ def pieces_of(c: Arguments, helped: bool) -> Pieces:
     return Pieces(
         here=[solve_part, solve_directly, store_part,
               *(piece for piece, is_used in optional.items() if is_used)],
-        helped=[detect_part, predict_part, *(bounces if c.uses.bounces == 1 else []),
+        helped=[detect_part, predict_or_correct, *(bounces if c.uses.bounces == 1 else []),
                 *([search] if searches else [])],
         late=[search] if may_search else [],
         unused=[*(piece for piece, is_used in optional.items() if not is_used),

@@ -9,7 +9,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
 from rigid_sim_ros.engine.detection.manifolds import (
-    current_manifolds, earlier_manifolds, Manifolds)
+    current_manifolds, latest_impulses, Manifolds)
 from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.groups import MANY_EVENTS, MUCH_WORK, NO_FORCES, NO_IMPULSES
@@ -148,8 +148,8 @@ class Timestep(Touching):
         """Return the manifolds of the latest step with all its impulses, collisions included."""
         if not self._has_stepped:  # after `recall` the impulses of the last substep are known
             return super().contacts(state)
-        acted = earlier_manifolds(self._memory)
-        return rows_of(self._setup, state, current_manifolds(self._memory), acted.impulse.T,
+        acted = latest_impulses(self._memory)
+        return rows_of(self._setup, state, current_manifolds(self._memory), acted.normal.T,
                        acted.friction)
 
     def report(self) -> ContactReport:

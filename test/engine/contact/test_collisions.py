@@ -12,6 +12,7 @@ from rigid_sim_ros.engine.contact.colliding_body import SPIN
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.contact.impact_offsets import has_collided, SHIFT
 from rigid_sim_ros.engine.detection.detect import detect
+from rigid_sim_ros.engine.detection.manifolds import StepImpulses
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.engine.state.rates import spin_of
@@ -30,11 +31,11 @@ def collided(things, restitution, friction):
     assert detect(scene.model, scene.state, scene.shapes, scene.memory, 0.02)
     manifolds, work = scene.manifolds(), scene.work.collision
     work.activity[:] = 0
-    impulse, slide = np.zeros_like(manifolds.impulse), np.zeros_like(manifolds.friction)
+    acted = StepImpulses(np.zeros_like(manifolds.impulse), np.zeros_like(manifolds.friction))
     count = collide_bodies(scene.model.h, scene.model.inv_m, scene.model.inv_I_C, scene.state,
                            np.zeros((3, len(things))), scene.shapes, scene.materials, manifolds,
-                           impulse, slide, work)
-    return scene, count, impulse[:manifolds.points[0], 0], slide[0]
+                           acted, work)
+    return scene, count, acted.normal[:manifolds.points[0], 0], acted.friction[0]
 
 
 def corner_first(rng):

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.detection.broad_phase import near_pairs
-from rigid_sim_ros.engine.detection.manifolds import NEAR, PAIRS, REBUILT
+from rigid_sim_ros.engine.detection.manifolds import PAIRS, PAIRS_LISTED, REBUILT
 from rigid_sim_ros.engine.model.kinds.table import BOX, SPHERE
 
 BALL = (SPHERE, (0.5, 0.0, 0.0), None)
@@ -73,7 +73,7 @@ def test_pairs_are_those_of_brute_force_while_everything_moves(seed, spread, oct
 
 def test_a_crowd_in_one_cell_is_gone_through_piece_by_piece():
     rng = np.random.default_rng(5)
-    n = 2 * NEAR + 7
+    n = 2 * PAIRS_LISTED + 7
     scene = Scene([BALL] * n, [(rng.normal(0, 0.3, 3), UPRIGHT) for _ in range(n)])
     for _ in range(3):
         scene.detect()

@@ -8,7 +8,7 @@ import pytest
 from rigid_sim_ros import World
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds
 from rigid_sim_ros.engine.detection.pair_manifold import search
-from rigid_sim_ros.engine.solver.partition import ENOUGH
+from rigid_sim_ros.engine.solver.partition import MANIFOLDS_TO_HALVE
 from rigid_sim_ros.engine.steps import timestep
 from rigid_sim_ros.kernels.separate import symbol_of
 from rigid_sim_ros.kernels.symbols import declare
@@ -43,7 +43,7 @@ def crossed_rods():
     turned = {'orientation': [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]}
     across = {'orientation': [0, np.sqrt(0.5), 0, np.sqrt(0.5)]}
     one = scene(*((BALL, (x, y, 0.2 + 0.4 * up)) if x < 20 else (ROD, (x, y, 0.1 + 0.2 * up))
-                  for x in range(40) for y in range(ENOUGH // 64) for up in range(2)))
+                  for x in range(40) for y in range(MANIFOLDS_TO_HALVE // 64) for up in range(2)))
     for k, body in enumerate(one['bodies'][1:]):
         if body['shape'] == ROD:
             body['pose'] |= across if k % 2 else turned
@@ -103,7 +103,7 @@ def test_a_step_that_waited_is_the_same_step_on_two_threads(threads, asked):
     for world in (known, other):
         world.threads = threads
         world.step(3)
-    assert current_manifolds(memory_of(other)).count[0] >= ENOUGH
+    assert current_manifolds(memory_of(other)).count[0] >= MANIFOLDS_TO_HALVE
     known.step(5)
     asked.clear()
     take_away(pack_of(other))

@@ -9,10 +9,11 @@ from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.detection.detect import (
-    ALL, detect_part, FIND, LOOK, NOTE, ROWS, TAKE, WHOLE)
+    ALL, detect_part, FIND_FIRST, FIND_SECOND, LOOK_FIRST, LOOK_SECOND, NOTE, ROWS, TAKE, WHOLE)
 from rigid_sim_ros.engine.detection.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
 from rigid_sim_ros.engine.solver.parallel_detection import (
-    _effort, _fair_split, FIT, JOIN, PLACE, REFRESH, SHARE_OUT, share_part)
+    _effort, _fair_split, FIT, JOIN, PLACE_FIRST, PLACE_SECOND, REFRESH_FIRST, REFRESH_SECOND,
+    SHARE_OUT, share_part)
 
 
 def detect_in_stages(scene: Scene, by_number: bool) -> None:
@@ -26,9 +27,10 @@ def detect_in_stages(scene: Scene, by_number: bool) -> None:
         def share(*stages, pack=pack):
             return all(pack.run(share_part, stage) for stage in stages)
 
-        share(PLACE + 1, PLACE, REFRESH + 1, REFRESH)
-        if detect(NOTE, LOOK + 1, LOOK, TAKE) and share(SHARE_OUT) and detect(FIND + 1, FIND) and (
-                share(JOIN) if share(FIT) else detect(ALL)):
+        share(PLACE_SECOND, PLACE_FIRST, REFRESH_SECOND, REFRESH_FIRST)
+        if (detect(NOTE, LOOK_SECOND, LOOK_FIRST, TAKE) and share(SHARE_OUT)
+                and detect(FIND_SECOND, FIND_FIRST)
+                and (share(JOIN) if share(FIT) else detect(ALL))):
             return
         scene.memory = grown(scene.memory)
 

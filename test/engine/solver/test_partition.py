@@ -11,8 +11,8 @@ from rigid_sim_ros.engine.detection.manifolds import empty_pages
 from rigid_sim_ros.engine.solver.coloring import make_coloring, REGIONS
 from rigid_sim_ros.engine.solver.contact_filling import choose_manifolds
 from rigid_sim_ros.engine.solver.partition import (
-    _BINS, begin_slots, choose_cut, ENOUGH, FIRST, give_slots, make_sides, mark_touching, SECOND,
-    STILL, take_sides)
+    _BINS, begin_slots, choose_cut, FIRST, give_slots, make_sides, MANIFOLDS_TO_HALVE,
+    mark_touching, SECOND, STILL, take_sides)
 from rigid_sim_ros.engine.solver.solver_bodies import (
     make_bodies, most_slots, slots_between, slots_of)
 
@@ -39,7 +39,8 @@ def some_sides(middle=BODIES // 2):
 
 
 @examples(60)
-@given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(ENOUGH, 2 * ENOUGH),
+@given(seed=st.integers(0, 2 ** 32 - 1),
+       count=st.integers(MANIFOLDS_TO_HALVE, 2 * MANIFOLDS_TO_HALVE),
        first=st.integers(0, 9), axis=st.integers(0, 2), place=st.sampled_from([0.0, 1e5]))
 def test_a_plane_cuts_in_the_middle_of_the_manifolds(seed, count, first, axis, place):
     rng = np.random.default_rng(seed)

@@ -104,7 +104,7 @@ def on_a_ship(scene: TimestepScene) -> TimestepScene:
             if model.inv_m[i] > 0.0:
                 state.P[k, i] += model.m[i] * SHIP[k]
             else:
-                state.V[k, i], state.left[i] = SHIP[k], LASTS
+                state.V[k, i], state.twist_steps_left[i] = SHIP[k], LASTS
     return scene
 
 

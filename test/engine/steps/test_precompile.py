@@ -15,7 +15,7 @@ from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
 TESTS = str(Path(__file__).parents[2])
 # What a helper compiles for every world of the model.
-HELPED = ['detect_part', 'predict_part']
+HELPED = ['detect_part', 'predict_or_correct']
 # Tells what is begun for which arguments, in place of beginning with it, and which a step has.
 TOLD = """
 import json

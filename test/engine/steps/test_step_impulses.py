@@ -11,7 +11,7 @@ import pytest
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     BLOCK_SIZE, GAP, POINT, POINT_ROWS, SIZE)
 from rigid_sim_ros.engine.constraints.contact_rules import NEGLIGIBLE, SETTLED, Sweep
-from rigid_sim_ros.engine.detection.manifolds import earlier_manifolds, slice_in_use
+from rigid_sim_ros.engine.detection.manifolds import latest_impulses, slice_in_use
 from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.engine.solver import contact_sweep
 from rigid_sim_ros.engine.solver.arguments import SequentialSettings, TimestepSettings
@@ -25,11 +25,11 @@ from rigid_sim_ros.kernels.eight import LANES, load
 
 def impulses_on_bodies(scene):
     """Return the sum of all impulses of contacts in the last step on each body [N s]."""
-    manifolds, acted = scene.manifolds(), earlier_manifolds(scene.memory)
+    manifolds, acted = scene.manifolds(), latest_impulses(scene.memory)
     total = np.zeros((len(scene.model.m), 3))
     rows = slice_in_use(manifolds)
     for r in range(rows.start, rows.stop):
-        J = (acted.impulse[:manifolds.points[r], r].sum() * manifolds.normal[r]
+        J = (acted.normal[:manifolds.points[r], r].sum() * manifolds.normal[r]
              + acted.friction[r])
         total[manifolds.body_b[r]] += J
         total[manifolds.body_a[r]] -= J
