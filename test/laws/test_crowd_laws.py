@@ -13,10 +13,9 @@ import pytest
 # Sixty bodies take a second.
 SCENES = {'timestep': 5, 'event': 4}
 FEWER = {'collapse-energy': 2, 'heap': 1}
-# Scenes that are known to break a law. In `timestep` seven of a hundred break `crates-order`, four
-# `crates-mirrored`: their impacts and friction have more than one solution.
-KNOWN = {('crates-mirrored', 'event'): {0}, ('crates-turned', 'event'): {1, 2},
-         ('crates-mirrored', 'timestep'): {2}, ('crates-turned', 'timestep'): {1}}
+# Scenes that are known to break a law. In `timestep` three of a hundred break `crates-order` and
+# `crates-mirrored`: whether an approach is an impact is decided by a speed.
+KNOWN = {('crates-turned', 'event'): {2}}
 ASKED = [(law, model) for law in CROWDS for model in SCENES if model in CROWDS[law].models]
 
 
@@ -26,8 +25,9 @@ def test_law_holds_for_crates_and_for_what_collapses(law, model):
     assert not breaches(law, model, seeds), CROWDS[law].says
 
 
-# In these it mattered which of two equal crates was A, or how the points of a contact were called.
-@pytest.mark.parametrize('seed', [16, 37])
+# In these it mattered which of two equal crates was A, how the points of a contact were called, or
+# which of the manifolds of a row was looked at first (150).
+@pytest.mark.parametrize('seed', [16, 37, 150])
 def test_the_order_of_crates_of_one_size_changes_nothing(seed):
     assert not breaches('crates-order', 'timestep', [seed])
 

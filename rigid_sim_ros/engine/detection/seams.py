@@ -46,8 +46,8 @@ FLUSH = 1e-3
 # Of that tolerance: how exactly a point lies on a face. It tells an edge from a face at angles
 # above 1e-6 rad; rounding is far below.
 ON_FACE = 1e-6
-# The cosine of 1e-4 rad: what rests within the skin of contacts, 2e-5 of its size, may be tilted by
-# nearly as much. Of what lies on two faces with a smaller angle each bears its part.
+# The cosine of 1e-4 rad: what rests within the skin of contacts, 2e-5 of its size, may be tilted
+# by nearly as much. Of what lies on two faces with a smaller angle each bears its part.
 ONE_DIRECTION = 1.0 - 0.5e-8
 # cos 0.06 deg: axes that are parallel.
 PARALLEL = 1.0 - 5e-7
@@ -227,8 +227,8 @@ def _push(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, j: int, si
     Return the direction in which T, of row j, pushes M.
 
     Where that is n, which other edges in a row may have as well, the normal of the face of T that
-    looks along n. It is the normal that the pair alone has: what seams made of its manifold depends
-    on which of them were mended before.
+    looks along n. It is the normal that the pair alone has: what seams made of its manifold
+    depends on which of them were mended before.
     """
     n_T = _outward(seams.normal, j, side)
     if not are_same(n, n_T):

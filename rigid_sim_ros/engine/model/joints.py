@@ -199,13 +199,14 @@ class _Forest:
         """
         Return which joints span the forest (Kruskal).
 
-        First those along which forces act: they need an axis of their own.
+        First those along which forces act: they need an axis of their own. Then fixed joints, so
+        that what they make one body of closes loops by the same joints as that body would.
         """
         first = np.arange(n + 1)
         chosen = [False] * len(self.joints)
         mimicked = {joint.mimic.joint for joint in self.joints if joint.mimic is not None}
-        order = sorted(range(len(self.joints)), key=lambda j: not (
-            has_laws(self.joints[j]) or j in mimicked))
+        order = sorted(range(len(self.joints)), key=lambda j: (
+            not (has_laws(self.joints[j]) or j in mimicked), self.joints[j].kind != FIXED))
         for j in order:
             joint = self.joints[j]
             a, b = self.node(joint.body_a), self.node(joint.body_b)

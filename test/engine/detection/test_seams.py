@@ -230,3 +230,35 @@ def test_an_edge_across_the_inner_corner_of_an_angle_does_not_sink():
                              'bodies': [angle, beam]})
     world.step()
     assert 0.05 < world.contact_report().deepest < 0.25
+
+
+def wall_of_cubes(rng, backwards):
+    """Return the contacts of a small wall of cubes that lie a little askew, by pairs of cubes."""
+    half, places = 0.5, [(0, 0), (1, 0), (2, 0), (0.5, 1), (1.5, 1), (1, 2)]
+    # As the solver leaves them: within the skin in which contacts rest, 2e-5 of the size.
+    poses = [((2 * half * x + half * 1e-5 * rng.normal(), half * 1e-5 * rng.normal(),
+               half * (2 * z + 1) + half * 1e-5 * rng.normal()),
+              (*(1e-5 * rng.normal(size=3)), 1.0)) for x, z in places]
+    order = list(range(len(places)))[::-1 if backwards else 1]
+    rows = Scene([(BOX, (half,) * 3, None)] * len(places), [poses[k] for k in order],
+                 margin=0.01 * half).rows()
+    return {tuple(sorted(order[k] for k in row['pair'])): (
+        np.sort(row['gap']), np.sort(np.abs(row['normal']))) for row in rows}
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_the_contacts_of_a_wall_do_not_depend_on_the_order_of_its_cubes(seed):
+    """Each cube is a piece of what others lie on, and lies on pieces itself."""
+    found, other = (wall_of_cubes(np.random.default_rng(seed), turned) for turned in (False, True))
+    assert found.keys() == other.keys()
+    for pair, (gaps, normal) in found.items():
+        # Of the size 1: rounding.
+        assert gaps == pytest.approx(other[pair][0], abs=1e-12), pair
+        assert normal == pytest.approx(other[pair][1], abs=1e-9), pair
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_a_cube_lies_on_both_cubes_below_it(seed):
+    """They are tilted against each other by 1e-5 rad, and each bears a part."""
+    pairs = wall_of_cubes(np.random.default_rng(seed), False)
+    assert {(0, 3), (1, 3), (1, 4), (2, 4), (3, 5), (4, 5)} <= pairs.keys()
