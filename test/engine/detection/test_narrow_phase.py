@@ -381,7 +381,7 @@ def test_corners_that_meet_have_the_normal_between_them_whichever_shape_is_first
         assert row['normal'] == pytest.approx([-side, 0, 0], abs=1e-12)
 
 
-# In 8 two of the points from which four are chosen are as good, and the first by its name is taken.
+# In 8 two of the points from which four are chosen are as good: the first by its name is taken.
 @pytest.mark.parametrize('seed', sorted(set(range(40)) - {8}))
 def test_boxes_of_one_size_have_the_same_points_whichever_is_first(seed):
     """They meet with nearly parallel edges: what is clipped is tilted, and neither is larger."""
