@@ -25,9 +25,8 @@ def test_law_holds_for_crates_and_for_what_collapses(law, model):
     assert not breaches(law, model, seeds), CROWDS[law].says
 
 
-# In these it mattered which of two equal crates was A, how the points of a contact were called, or
-# which of the manifolds of a row was looked at first (150).
-@pytest.mark.parametrize('seed', [16, 37, 150])
+# In these it mattered which of two equal crates was A, or how the points of a contact were called.
+@pytest.mark.parametrize('seed', [16, 37])
 def test_the_order_of_crates_of_one_size_changes_nothing(seed):
     assert not breaches('crates-order', 'timestep', [seed])
 
