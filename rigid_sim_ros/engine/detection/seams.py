@@ -27,30 +27,25 @@ from rigid_sim_ros.engine.detection.manifold_rows import (
     find_row, mark_mended, pack_rows, take_point)
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams, smallest_gap)
-from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold, FLAT
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
     are_same, face, face_count, face_normal_along, height, way_out)
+from rigid_sim_ros.engine.detection.seam_pieces import (
+    centre, first_code, FLUSH, is_one_direction, of_face, one_surface, outward, push, reaches,
+    shapes_of, tolerance)
 from rigid_sim_ros.engine.detection.support import extreme, radius, reach
-from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
+from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale
 from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.engine.model.kinds.table import has_disc, is_faceted, is_unbounded
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
-# Of the smallest half extent of the three shapes that meet: a step between two pieces, or a gap,
-# that is less is none.
-FLUSH = 1e-3
-# Of that tolerance: how exactly a point lies on a face. It tells an edge from a face at angles
+# Of the tolerance: how exactly a point lies on a face. It tells an edge from a face at angles
 # above 1e-6 rad; rounding is far below.
 ON_FACE = 1e-6
-# The cosine of 1e-4 rad: what rests within the skin of contacts, 2e-5 of its size, may be tilted
-# by nearly as much. Of what lies on two faces with a smaller angle each bears its part.
-ONE_DIRECTION = 1.0 - 0.5e-8
-# cos 0.06 deg: axes that are parallel.
-PARALLEL = 1.0 - 5e-7
 # How often a point slides out of what covers it: once for each wall of a corner, and once to see.
 SLIDES = 4
 # How many faces are tried.
@@ -74,7 +69,7 @@ def find_seams(shapes: Shapes, memory: Memory) -> bool:
     found = 0
     for k in range(first, first + count):
         for side in range(2):
-            s, m = _shapes_of(rows, k & INDEX, side)
+            s, m = shapes_of(rows, k & INDEX, side)
             # A half space has one normal, whatever the surface that it meets looks like.
             if (is_faceted(shapes.kind[s]) and not is_unbounded(shapes.kind[m])
                     and _is_suspect(shapes, memory, rows, k & INDEX, s, m)):
@@ -89,7 +84,7 @@ def _link(shapes: Shapes, rows: Manifolds, first: int, count: int, seams: Seams)
     """Chain the manifolds of each shape, in order; return whether there is anything to look at."""
     faceted = False
     for k in range(first, first + count):
-        a, b = _shapes_of(rows, k, 0)
+        a, b = shapes_of(rows, k, 0)
         seams.head[a] = seams.head[b] = -1
         faceted = faceted or is_faceted(shapes.kind[a]) or is_faceted(shapes.kind[b])
     if not faceted:
@@ -98,7 +93,7 @@ def _link(shapes: Shapes, rows: Manifolds, first: int, count: int, seams: Seams)
         for c in range(3):
             seams.normal[k, c] = rows.normal[k, c]
         for side in range(2):
-            _, m = _shapes_of(rows, k, side)
+            _, m = shapes_of(rows, k, side)
             after = seams.head[m]
             seams.link[side, k], seams.back[side, k] = after, -1
             if after >= 0:
@@ -108,133 +103,13 @@ def _link(shapes: Shapes, rows: Manifolds, first: int, count: int, seams: Seams)
 
 
 @kernel
-def _first(shapes: Shapes, rows: Manifolds, seams: Seams, m: int, k: int, side: int) -> int:
-    """
-    Return the first code of shape M, which row k is one of, that may be of the same surface.
-
-    Of a fixed M those of the same body, which lie side by side.
-    """
-    if shapes.still[m] == 0:
-        return int(seams.head[m])
-    s, _ = _shapes_of(rows, k, side)
-    at = 2 * k + side
-    while True:
-        before = seams.back[at & 1, at >> 1]
-        if before < 0:
-            return at
-        t, _ = _shapes_of(rows, before >> 1, before & 1)
-        if shapes.body[t] != shapes.body[s]:
-            return at
-        at = before
-
-
-@kernel
-def _shapes_of(rows: Manifolds, k: int, side: int) -> tuple[int, int]:
-    """Return the shapes S and M of a manifold: A and B, the other way round with side 1."""
-    a, b = rows.shape_a[k], rows.shape_b[k]
-    return (a & INDEX, b & INDEX) if side == 0 else (b & INDEX, a & INDEX)
-
-
-@kernel
-def _outward(normal: Array, k: int, side: int) -> Vector:
-    """Return the normal from S to M of row k, of normals from A to B, (c, 3)."""
-    sign = 1.0 if side == 0 else -1.0
-    return (sign * normal[k, 0], sign * normal[k, 1], sign * normal[k, 2])
-
-
-@kernel
 def _point(pose: Array, turn: Array, shapes: Shapes, rows: Manifolds, k: int, side: int,
            p: int) -> Vector:
     """Return point p of manifold k on S [m, world axes]."""
-    s, _ = _shapes_of(rows, k, side)
-    c = _centre(pose, turn, shapes, s)
+    s, _ = shapes_of(rows, k, side)
+    c = centre(pose, turn, shapes, s)
     r = rows.r_A if side == 0 else rows.r_B
     return (c[0] + r[p, k, 0], c[1] + r[p, k, 1], c[2] + r[p, k, 2])
-
-
-@kernel
-def _centre(pose: Array, turn: Array, shapes: Shapes, s: int) -> Vector:
-    """Return the centre of mass of the body that carries shape s [m, world axes]."""
-    p, R, i = (pose[s, 0], pose[s, 1], pose[s, 2]), turn, shapes.body[s]
-    if shapes.ball[s] == 1:
-        return p
-    x, y, z = shapes.p_CS[s, 0], shapes.p_CS[s, 1], shapes.p_CS[s, 2]
-    return (p[0] - (R[i, 0] * x + R[i, 1] * y + R[i, 2] * z),
-            p[1] - (R[i, 3] * x + R[i, 4] * y + R[i, 5] * z),
-            p[2] - (R[i, 6] * x + R[i, 7] * y + R[i, 8] * z))
-
-
-@kernel
-def _one_surface(pose: Array, shapes: Shapes, s: int, t: int) -> bool:
-    """
-    Return whether M may move over both S and T as over one surface.
-
-    Of two bodies of which one moves, only where they have a direction in common, as what lies
-    flush has: in a heap that tumbles, pieces that meet M in one place hold it each for itself.
-    """
-    if shapes.body[s] == shapes.body[t]:
-        return True
-    if shapes.still[s] + shapes.still[t] == 2:
-        return True
-    for i in range(3):
-        for j in range(3):
-            together = (pose[s, 3 + i] * pose[t, 3 + j] + pose[s, 6 + i] * pose[t, 6 + j]
-                        + pose[s, 9 + i] * pose[t, 9 + j])
-            if abs(together) > PARALLEL:
-                return True
-    return False
-
-
-@kernel
-def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
-    """Return how far two pieces may stand out over each other and be flush [m]."""
-    return FLUSH * min(shapes.half_width[m], shapes.half_width[s], shapes.half_width[t])
-
-
-@kernel
-def _is_one_direction(shapes: Shapes, s: int, t: int, n: Vector, m: Vector) -> bool:
-    """
-    Return whether faces of S and T with these normals are one surface.
-
-    Pieces of one body, and of what is fixed, lie as exactly as they were written; what rests on
-    the same floor does so within the skin of contacts.
-    """
-    if shapes.body[s] == shapes.body[t] or shapes.still[s] + shapes.still[t] == 2:
-        return are_same(n, m)
-    return dot(n, m) > ONE_DIRECTION
-
-
-@kernel
-def _of_face(pose: Array, shapes: Shapes, s: int, m: int, n: Vector) -> Vector:
-    """
-    Return the normal of the face of S where n is half way between those of faces of S and M.
-
-    As of two boxes of one volume; else n.
-    """
-    n_S, n_M = face_normal_along(pose, shapes, s, n), face_normal_along(pose, shapes, m,
-                                                                        scale(-1.0, n))
-    both = subtract(n_S, n_M)
-    length = norm(both)
-    if length > 0.0 and dot(n, n_S) > FLAT and are_same(n, scale(1.0 / length, both)):
-        return n_S
-    return n
-
-
-@kernel
-def _push(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, j: int, side: int,
-          n: Vector) -> Vector:
-    """
-    Return the direction in which T, of row j, pushes M.
-
-    Where that is n, which other edges in a row may have as well, the normal of the face of T that
-    looks along n. It is the normal that the pair alone has: what seams made of its manifold
-    depends on which of them were mended before.
-    """
-    n_T = _outward(seams.normal, j, side)
-    if not are_same(n, n_T):
-        return n_T
-    t, _ = _shapes_of(rows, j, side)
-    return face_normal_along(pose, shapes, t, n)
 
 
 @kernel
@@ -242,12 +117,12 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     """Return whether a third shape with another normal may hold a point of manifold k."""
     seams, pose = memory.seams, memory.pose
     side = 0 if rows.shape_a[k] == s else 1
-    at = _first(shapes, rows, seams, m, k, side)
+    at = first_code(shapes, rows, seams, m, k, side)
     if seams.link[at & 1, at >> 1] < 0:
         return False
-    n = _of_face(pose, shapes, s, m, _outward(rows.normal, k, side))
+    n = of_face(pose, shapes, s, m, outward(rows.normal, k, side))
     most = FLUSH * shapes.half_width[s]
-    c = _centre(pose, memory.turn, shapes, s)
+    c = centre(pose, memory.turn, shapes, s)
     r = rows.r_A if side == 0 else rows.r_B
     low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
     high = low
@@ -264,13 +139,13 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
         low, high = add(c, middle), add(c, middle)
     while at >= 0:
         j, other = (at >> 1) & INDEX, at & 1
-        t, _ = _shapes_of(rows, j, other)
+        t, _ = shapes_of(rows, j, other)
         if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
             break       # a fixed M is met by each body for itself, whose pieces lie side by side
-        if (s != t and _reaches(memory.box, t, low, high, most)
-                and _one_surface(pose, shapes, s, t)
-                and not _is_one_direction(shapes, s, t, n, _push(pose, shapes, rows, seams, j,
-                                                                 other, n))):
+        if (s != t and reaches(memory.box, t, low, high, most)
+                and one_surface(pose, shapes, s, t)
+                and not is_one_direction(
+                    shapes, s, t, n, push(pose, shapes, rows, seams, j, other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
                 x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
@@ -278,14 +153,6 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
                     return True
         at = seams.link[other, j]
     return False
-
-
-@kernel
-def _reaches(box: Array, t: int, low: Vector, high: Vector, most: float) -> bool:
-    """Return whether the bounding box of T comes as near as this to another one."""
-    return bool((box[t, 0] <= high[0] + most) & (box[t, 3] >= low[0] - most)
-                & (box[t, 1] <= high[1] + most) & (box[t, 4] >= low[1] - most)
-                & (box[t, 2] <= high[2] + most) & (box[t, 5] >= low[2] - most))
 
 
 @kernel
@@ -300,11 +167,11 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
     for i in range(seams.count[0]):
         code = seams.suspect[i]
         k, side = (code >> 1) & INDEX, code & 1
-        s, m = _shapes_of(rows, k, side)
+        s, m = shapes_of(rows, k, side)
         if rows.points[k] <= 0:
             continue
         points, standing = rows.points[k], 0
-        n = _of_face(memory.pose, shapes, s, m, _outward(rows.normal, k, side))
+        n = of_face(memory.pose, shapes, s, m, outward(rows.normal, k, side))
         for p in range(points):
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
             if stands(shapes, memory, rows, m, k, side, x, n):
@@ -349,12 +216,12 @@ def _lacking(shapes: Shapes, rows: Manifolds, seams: Seams, code: int) -> int:
     k, side = (code >> 1) & INDEX, code & 1
     if rows.points[k] >= 0:
         return -1
-    s, m = _shapes_of(rows, k, side)
-    at, best = _first(shapes, rows, seams, m, k, side), -1
+    s, m = shapes_of(rows, k, side)
+    at, best = first_code(shapes, rows, seams, m, k, side), -1
     nearest, held = math.inf, math.inf
     while at >= 0:
         j, other = (at >> 1) & INDEX, at & 1
-        t, _ = _shapes_of(rows, j, other)
+        t, _ = shapes_of(rows, j, other)
         if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
             break
         for p in range(abs(rows.points[j])):
@@ -371,23 +238,23 @@ def _lacking(shapes: Shapes, rows: Manifolds, seams: Seams, code: int) -> int:
 def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side: int, p: Vector,
            n: Vector) -> bool:
     """Return whether S, of row k, has the normal n at p as a piece of all that M is near."""
-    s, _ = _shapes_of(rows, k, side)
+    s, _ = shapes_of(rows, k, side)
     pose, seams, near = memory.pose, memory.seams, FLUSH * shapes.half_width[s]
     # A corner that stands out over a face, by what the narrow phase allows, goes on doing so.
     above, x = height(pose, shapes, s, p), p
     for _ in range(SLIDES):
-        covered, at = False, _first(shapes, rows, seams, m, k, side)
+        covered, at = False, first_code(shapes, rows, seams, m, k, side)
         while at >= 0:
             j, other = (at >> 1) & INDEX, at & 1
-            t, _ = _shapes_of(rows, j, other)
+            t, _ = shapes_of(rows, j, other)
             if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
                 break
             at = seams.link[other, j]
-            if (s == t or not _reaches(memory.box, t, x, x, near)
-                    or not _one_surface(pose, shapes, s, t)):
+            if (s == t or not reaches(memory.box, t, x, x, near)
+                    or not one_surface(pose, shapes, s, t)):
                 continue
-            n_T = _push(pose, shapes, rows, seams, j, other, n)
-            if _is_one_direction(shapes, s, t, n, n_T):
+            n_T = push(pose, shapes, rows, seams, j, other, n)
+            if is_one_direction(shapes, s, t, n, n_T):
                 continue
             flush = tolerance(shapes, m, s, t)
             if (height(pose, shapes, t, x) > flush
@@ -434,7 +301,7 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
     is: `gap` is the least one of the manifold [m]. Returns how many points there are.
     """
     pose = memory.pose
-    s, m = _shapes_of(rows, k, side)
+    s, m = shapes_of(rows, k, side)
     flush, last, done = tolerance(shapes, m, s, s), math.inf, -1
     margin, limit = memory.margin[s] + memory.margin[m], DEEPER * min(gap, -flush)
     for _ in range(TRIALS):
@@ -505,8 +372,8 @@ def _points_along(pose: Array, shapes: Shapes, s: int, m: int, side: int, f: int
 def _write(memory: Memory, shapes: Shapes, rows: Manifolds, k: int, n: Vector, count: int,
            scratch: Scratch) -> None:
     """Write the points in `scratch` to row k, with the normal n from A to B."""
-    A = _centre(memory.pose, memory.turn, shapes, rows.shape_a[k] & INDEX)
-    B = _centre(memory.pose, memory.turn, shapes, rows.shape_b[k] & INDEX)
+    A = centre(memory.pose, memory.turn, shapes, rows.shape_a[k] & INDEX)
+    B = centre(memory.pose, memory.turn, shapes, rows.shape_b[k] & INDEX)
     for p in range(count):
         gap = scratch.points[p, 3]
         rows.gap[p, k], rows.feature[p, k] = gap, scratch.ids[p]

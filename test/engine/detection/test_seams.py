@@ -249,7 +249,8 @@ def wall_of_cubes(rng, backwards):
 @pytest.mark.parametrize('seed', range(20))
 def test_the_contacts_of_a_wall_do_not_depend_on_the_order_of_its_cubes(seed):
     """Each cube is a piece of what others lie on, and lies on pieces itself."""
-    found, other = (wall_of_cubes(np.random.default_rng(seed), turned) for turned in (False, True))
+    found, other = (wall_of_cubes(np.random.default_rng(seed), backwards)
+                    for backwards in (False, True))
     assert found.keys() == other.keys()
     for pair, (gaps, normal) in found.items():
         # Of the size 1: rounding.

@@ -12,6 +12,7 @@ import math
 
 from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.balls import crossing_normal
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import ALIKE
 from rigid_sim_ros.engine.detection.narrow_phase.epa import epa
 from rigid_sim_ros.engine.detection.narrow_phase.gjk import gjk
 from rigid_sim_ros.engine.detection.narrow_phase.polish import polish, ROOM, separation
@@ -34,8 +35,6 @@ OVERHANG = 1e-5
 # The nearest points are added when the clipped ones miss them by this fraction of the size. What
 # the manifold misses can sink in unseen: 1e-3 let rims sink in by a tenth of a millimetre.
 MISSED = 1e-7
-# Sizes whose difference is less than this fraction are one: it is rounding.
-ALIKE = 1e-9
 # Of the size: where the search for a distance is less certain than this, the depth is looked for
 # instead.
 UNSURE = 1e-9
