@@ -115,28 +115,19 @@ def _point(pose: Array, turn: Array, shapes: Shapes, rows: Manifolds, k: int, si
 @kernel
 def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int, m: int) -> bool:
     """Return whether a third shape with another normal may hold a point of manifold k."""
-    seams, pose = memory.seams, memory.pose
+    seams, pose, turn = memory.seams, memory.pose, memory.turn
     side = 0 if rows.shape_a[k] == s else 1
     at = first_code(shapes, rows, seams, m, k, side)
-    if seams.link[at & 1, at >> 1] < 0:
+    low, high = _bounds(pose, turn, shapes, rows, k, side)
+    if not _is_any_near(shapes, memory, rows, at, s, m, low, high):
         return False
     n = of_face(pose, shapes, s, m, outward(rows.normal, k, side))
-    most = FLUSH * shapes.half_width[s]
-    c = centre(pose, memory.turn, shapes, s)
-    r = rows.r_A if side == 0 else rows.r_B
-    low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
-    high = low
-    for p in range(1, rows.points[k]):
-        low = (min(low[0], r[p, k, 0]), min(low[1], r[p, k, 1]), min(low[2], r[p, k, 2]))
-        high = (max(high[0], r[p, k, 0]), max(high[1], r[p, k, 1]), max(high[2], r[p, k, 2]))
-    low, high = add(c, low), add(c, high)
-    count, middle = rows.points[k], (0.0, 0.0, 0.0)
-    for p in range(count):
-        middle = add_scaled(middle, 1.0 / count, (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
+    most, count = FLUSH * shapes.half_width[s], rows.points[k]
     # A part of a face of S whose middle nothing covers goes on from all of its corners.
     area = count > 2 and are_same(n, face_normal_along(pose, shapes, s, n))
+    middle = _middle(pose, turn, shapes, rows, k, side)
     if area:
-        low, high = add(c, middle), add(c, middle)
+        low, high = middle, middle
     while at >= 0:
         j, other = (at >> 1) & INDEX, at & 1
         t, _ = shapes_of(rows, j, other)
@@ -148,10 +139,52 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
                     shapes, s, t, n, push(pose, shapes, rows, seams, j, other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
-                x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
+                x = middle if area else _point(pose, turn, shapes, rows, k, side, p)
                 if height(pose, shapes, t, x) <= flush:
                     return True
         at = seams.link[other, j]
+    return False
+
+
+@kernel
+def _bounds(pose: Array, turn: Array, shapes: Shapes, rows: Manifolds, k: int,
+            side: int) -> tuple[Vector, Vector]:
+    """Return the lower and the upper corner of the box around the points of manifold k on S."""
+    s, _ = shapes_of(rows, k, side)
+    r = rows.r_A if side == 0 else rows.r_B
+    low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
+    high = low
+    for p in range(1, rows.points[k]):
+        low = (min(low[0], r[p, k, 0]), min(low[1], r[p, k, 1]), min(low[2], r[p, k, 2]))
+        high = (max(high[0], r[p, k, 0]), max(high[1], r[p, k, 1]), max(high[2], r[p, k, 2]))
+    c = centre(pose, turn, shapes, s)
+    return add(c, low), add(c, high)
+
+
+@kernel
+def _middle(pose: Array, turn: Array, shapes: Shapes, rows: Manifolds, k: int,
+            side: int) -> Vector:
+    """Return the middle of the points of manifold k on S [m, world axes]."""
+    s, _ = shapes_of(rows, k, side)
+    r, middle = rows.r_A if side == 0 else rows.r_B, (0.0, 0.0, 0.0)
+    for p in range(rows.points[k]):
+        middle = add_scaled(middle, 1.0 / rows.points[k], (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
+    return add(centre(pose, turn, shapes, s), middle)
+
+
+@kernel
+def _is_any_near(shapes: Shapes, memory: Memory, rows: Manifolds, at: int, s: int, m: int,
+                 low: Vector, high: Vector) -> bool:
+    """Return whether a third shape, of the codes from `at` on, comes near the box of the points."""
+    most = FLUSH * shapes.half_width[s]
+    while at >= 0:
+        j, other = (at >> 1) & INDEX, at & 1
+        t, _ = shapes_of(rows, j, other)
+        if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
+            break
+        if s != t and reaches(memory.box, t, low, high, most):
+            return True
+        at = memory.seams.link[other, j]
     return False
 
 
