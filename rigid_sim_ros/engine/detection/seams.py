@@ -175,7 +175,7 @@ def _middle(pose: Array, turn: Array, shapes: Shapes, rows: Manifolds, k: int,
 @kernel
 def _is_any_near(shapes: Shapes, memory: Memory, rows: Manifolds, at: int, s: int, m: int,
                  low: Vector, high: Vector) -> bool:
-    """Return whether a third shape, of the codes from `at` on, comes near the box of the points."""
+    """Return whether a third shape, of the codes from `at` on, comes near that box."""
     most = FLUSH * shapes.half_width[s]
     while at >= 0:
         j, other = (at >> 1) & INDEX, at & 1
