@@ -31,12 +31,12 @@ from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
-    are_same, face, face_count, face_normal_along, height, way_out)
+    are_same, face, face_count, face_normal_along, height, nearest_face, way_out)
 from rigid_sim_ros.engine.detection.seam_pieces import (
     centre, first_code, FLUSH, is_one_direction, of_face, one_surface, outward, push, reaches,
     shapes_of, tolerance)
 from rigid_sim_ros.engine.detection.support import extreme, radius, reach
-from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale
+from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
 from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.engine.model.kinds.table import has_disc, is_faceted, is_unbounded
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -134,13 +134,13 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
         if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
             break       # a fixed M is met by each body for itself, whose pieces lie side by side
         if (s != t and reaches(memory.box, t, low, high, most)
-                and one_surface(pose, shapes, s, t)
-                and not is_one_direction(
-                    shapes, s, t, n, push(pose, shapes, rows, seams, j, other, n))):
+                and one_surface(pose, shapes, s, t)):
             flush = tolerance(shapes, m, s, t)
+            alike = is_one_direction(shapes, s, t, n, push(pose, shapes, rows, seams, j, other, n))
             for p in range(1 if area else count):
                 x = middle if area else _point(pose, turn, shapes, rows, k, side, p)
-                if height(pose, shapes, t, x) <= flush:
+                if (height(pose, shapes, t, x) <= flush
+                        and not (alike and _has_normal(pose, shapes, t, x, n, flush))):
                     return True
         at = seams.link[other, j]
     return False
@@ -273,8 +273,14 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
     """Return whether S, of row k, has the normal n at p as a piece of all that M is near."""
     s, _ = shapes_of(rows, k, side)
     pose, seams, near = memory.pose, memory.seams, FLUSH * shapes.half_width[s]
-    # A corner that stands out over a face, by what the narrow phase allows, goes on doing so.
-    above, x = height(pose, shapes, s, p), p
+    above = height(pose, shapes, s, p)
+    if above > 0.0:
+        # A corner that stands out over a face, by what the narrow phase allows, is held by what
+        # holds the face below it.
+        p = add_scaled(p, -above, nearest_face(pose, shapes, s, p))
+        above = height(pose, shapes, s, p)
+    x = p
+    n_S = face_normal_along(pose, shapes, s, n)
     for _ in range(SLIDES):
         covered, at = False, first_code(shapes, rows, seams, m, k, side)
         while at >= 0:
@@ -286,18 +292,19 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
             if (s == t or not reaches(memory.box, t, x, x, near)
                     or not one_surface(pose, shapes, s, t)):
                 continue
-            n_T = push(pose, shapes, rows, seams, j, other, n)
-            if is_one_direction(shapes, s, t, n, n_T):
-                continue
-            flush = tolerance(shapes, m, s, t)
+            n_T, flush = push(pose, shapes, rows, seams, j, other, n), tolerance(shapes, m, s, t)
+            alike = is_one_direction(shapes, s, t, n, n_T)
             if (height(pose, shapes, t, x) > flush
-                    or _has_normal(pose, shapes, t, x, n, ON_FACE * flush)):
+                    or _has_normal(pose, shapes, t, x, n, flush if alike else ON_FACE * flush)):
                 continue
+            if alike:
+                # T stands out over S: p is beside it or inside, whatever else of T looks along n.
+                n_T = nearest_face(pose, shapes, t, x)
             # The way along the face of S in which T pushes M.
             along = add_scaled(n_T, -dot(n, n_T), n)
             length = norm(along)
             if length < ON_FACE:
-                if dot(n, n_T) > 0.0:
+                if alike or dot(n, n_T) > 0.0:
                     continue
                 return False
             along = scale(1.0 / length, along)
@@ -305,7 +312,10 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
             x, covered = add_scaled(x, way, along), True
             # A tangent leaves a circle by half of the square of its length over the radius.
             bend = way * way / shapes.size[s, 0] if has_disc(shapes.kind[s]) else 0.0
-            if not (abs(height(pose, shapes, s, x) - above) <= ON_FACE * flush + bend):
+            # The surface that goes on is the face that p is on: what comes inside of S may be on
+            # another one, as on the top of a tile of which p is at the upper edge.
+            if not (max(abs(height(pose, shapes, s, x) - above), abs(dot(n_S, subtract(x, p))))
+                    <= ON_FACE * flush + bend):
                 return False
         if not covered:
             return True

@@ -7,6 +7,8 @@ Of a polyhedron the distances are those from the planes of its faces: exact insi
 face, too small beside an edge, which is enough to tell whether a point lies on the surface.
 """
 
+import math
+
 from rigid_sim_ros.engine.maths.pose import point_to_shape, to_shape
 from rigid_sim_ros.engine.maths.vector import dot, subtract
 from rigid_sim_ros.engine.model.kinds import table as of_kind
@@ -56,6 +58,17 @@ def face_normal_along(pose: Array, shapes: Shapes, s: int, n_W: Vector) -> Vecto
     """Return the normal of the flat face of s that looks along n; n itself where it has none."""
     return of_kind.face_along(shapes.kind[s], pose, shapes.size, shapes.hulls, shapes.hull[s], s,
                               n_W)
+
+
+@kernel
+def nearest_face(pose: Array, shapes: Shapes, s: int, p_W: Vector) -> Vector:
+    """Return the normal of the flat face of s that p is nearest to or farthest above; 0: none."""
+    nearest, normal = -math.inf, (0.0, 0.0, 0.0)
+    for f in range(face_count(shapes, s)):
+        n, offset = face(pose, shapes, s, f)
+        if dot(n, p_W) - offset > nearest:
+            nearest, normal = dot(n, p_W) - offset, n
+    return normal
 
 
 @kernel
