@@ -140,7 +140,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
             for p in range(1 if area else count):
                 x = middle if area else _point(pose, turn, shapes, rows, k, side, p)
                 if (height(pose, shapes, t, x) <= flush
-                        and not (alike and _has_normal(pose, shapes, t, x, n, flush))):
+                        and not (alike and _has_normal(pose, shapes, t, x, n, flush, 0.0))):
                     return True
         at = seams.link[other, j]
     return False
@@ -205,9 +205,10 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
             continue
         points, standing = rows.points[k], 0
         n = of_face(memory.pose, shapes, s, m, outward(rows.normal, k, side))
+        off = off_since_found(memory.turn, rows, k)
         for p in range(points):
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
-            if stands(shapes, memory, rows, m, k, side, x, n):
+            if stands(shapes, memory, rows, m, k, side, x, n, off):
                 standing |= 1 << p
         if standing == (1 << points) - 1:
             continue
@@ -269,8 +270,12 @@ def _lacking(shapes: Shapes, rows: Manifolds, seams: Seams, code: int) -> int:
 
 @kernel
 def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side: int, p: Vector,
-           n: Vector) -> bool:
-    """Return whether S, of row k, has the normal n at p as a piece of all that M is near."""
+           n: Vector, off: float) -> bool:
+    """
+    Return whether S, of row k, has the normal n at p as a piece of all that M is near.
+
+    n may be `off` [rad] from where the narrow phase would find it.
+    """
     s, _ = shapes_of(rows, k, side)
     pose, seams, near = memory.pose, memory.seams, FLUSH * shapes.half_width[s]
     above = height(pose, shapes, s, p)
@@ -294,8 +299,9 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
                 continue
             n_T, flush = push(pose, shapes, rows, seams, j, other, n), tolerance(shapes, m, s, t)
             alike = is_one_direction(shapes, s, t, n, n_T)
+            most = flush if alike else ON_FACE * flush
             if (height(pose, shapes, t, x) > flush
-                    or _has_normal(pose, shapes, t, x, n, flush if alike else ON_FACE * flush)):
+                    or _has_normal(pose, shapes, t, x, n, most, off)):
                 continue
             if alike:
                 # T stands out over S: p is beside it or inside, whatever else of T looks along n.
@@ -323,14 +329,39 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
 
 
 @kernel
-def _has_normal(pose: Array, shapes: Shapes, t: int, p: Vector, n: Vector, most: float) -> bool:
-    """Return whether no point of T is farther in the direction n than p, which it holds."""
+def _has_normal(pose: Array, shapes: Shapes, t: int, p: Vector, n: Vector, most: float,
+                off: float) -> bool:
+    """
+    Return whether no point of T is farther in the direction n than p, which it holds.
+
+    Up to `most` [m], and to `off` [rad] by which n may be another.
+    """
     hulls = shapes.hulls
     if is_unbounded(shapes.kind[t]):
         # It has one normal, +z of its frame.
         return are_same(n, (pose[t, 5], pose[t, 8], pose[t, 11]))
-    return reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
-                 shapes.hull, t, n) - dot(n, p) <= most
+    farther = subtract(add_scaled(extreme(
+        pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices, shapes.hull, t,
+        n), radius(shapes.kind, shapes.size, t), n), p)
+    return dot(farther, n) <= most + off * norm(farther)
+
+
+@kernel
+def off_since_found(turn: Array, rows: Manifolds, k: int) -> float:
+    """
+    Return by how much [rad] the normal of a manifold turned in its shapes since it was found.
+
+    Points of polyhedra that hardly move are kept, and their normal turns half with either shape.
+    It is no longer normal to an edge that it was normal to.
+    """
+    found_at, i = rows.found_at[k], rows.body_a[k]
+    if found_at[0] == 0.0 and found_at[1] == 0.0 and found_at[2] == 0.0 and found_at[3] == 0.0:
+        return 0.0      # it is not kept
+    x, y, z = rows.normal_A[k, 0], rows.normal_A[k, 1], rows.normal_A[k, 2]
+    kept = (turn[i, 0] * x + turn[i, 1] * y + turn[i, 2] * z,
+            turn[i, 3] * x + turn[i, 4] * y + turn[i, 5] * z,
+            turn[i, 6] * x + turn[i, 7] * y + turn[i, 8] * z)
+    return norm(subtract(kept, (rows.normal[k, 0], rows.normal[k, 1], rows.normal[k, 2])))
 
 
 @kernel
@@ -374,8 +405,8 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
             # The point is on A, and so on M where that is A.
             on_S = x if side == 0 else add_scaled(x, -d, n)
             on_M = x if side == 1 else add_scaled(x, d, n)
-            if (stands(shapes, memory, rows, m, k, side, on_S, n)
-                    and stands(shapes, memory, rows, s, k, 1 - side, on_M, back)):
+            if (stands(shapes, memory, rows, m, k, side, on_S, n, 0.0)
+                    and stands(shapes, memory, rows, s, k, 1 - side, on_M, back, 0.0)):
                 put(scratch.points, scratch.ids, kept, x, d, scratch.ids[p])
                 kept += 1
         if kept > 0:
