@@ -18,6 +18,7 @@ from rigid_sim_ros.engine.constraints.articulated_contact import (
     keep_impulses, solve_contacts, undo_displacing)
 from rigid_sim_ros.engine.constraints.articulated_points import choose_points
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system
+from rigid_sim_ros.engine.constraints.foreseen_rates import is_foreseen
 from rigid_sim_ros.engine.contact.carried_forces import match_forces, recall_forces
 from rigid_sim_ros.engine.contact.contact_search import (
     DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
@@ -28,13 +29,14 @@ from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory, sma
 from rigid_sim_ros.engine.detection.margins import set_margins
 from rigid_sim_ros.engine.detection.motion_ahead import approach_bound
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick
+from rigid_sim_ros.engine.joints.buffers import FORESEEN
 from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
 from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
-    MOST_SLOWED, move_bodies, reads_positions, slow_down)
+    MOST_SLOWED, move_bodies, put_back, reads_positions, slow_down)
 from rigid_sim_ros.engine.steps.jointed_progress import BEGIN, Progress
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -46,6 +48,8 @@ MARGIN = 0.01
 # Why the kernel stops, besides what contact_search.py says: bodies that another solver moves are
 # met, which are CALLED in `elsewhere`.
 MORE_ROWS, MORE_BODIES = 4, 5
+# Times at most that the impulses of a way are found, each with what the joints needed before.
+MOST_FORESEEN = 8
 CALLED = 2
 
 
@@ -174,10 +178,17 @@ def take_first_half(c: JointedContact, h: float) -> bool:
     joints = c.joints
     state, loads = joints.state, joints.work.loads
     begin_part(joints)
-    kick(state, loads, 0.5 * h)
-    solve_contacts(joints.model, state, joints.table, joints.motion, joints.scratch, loads, h,
-                   True, c.buffers)
-    return move_bodies(joints, h)
+    for n in range(MOST_FORESEEN):
+        kick(state, loads, 0.5 * h)
+        solve_contacts(joints.model, state, joints.table, joints.motion, joints.scratch, loads, h,
+                       True, c.buffers)
+        if not move_bodies(joints, h):
+            return False
+        if n == MOST_FORESEEN - 1 or is_foreseen(joints.model, joints.start, state, h, c.buffers):
+            break
+        put_back(joints)
+        joints.scratch.known[FORESEEN] = 1
+    return True
 
 
 @kernel
