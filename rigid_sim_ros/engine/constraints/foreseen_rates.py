@@ -18,9 +18,6 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# Of the largest rate without impulses: a point that goes otherwise by more was not foreseen.
-ASTRAY = 1e-2
-
 
 @kernel
 def note_foreseen(chosen: IntArray, width: int, brisk: float, w: ContactBuffers) -> None:
@@ -35,25 +32,25 @@ def note_foreseen(chosen: IntArray, width: int, brisk: float, w: ContactBuffers)
 
 
 @kernel
-def is_foreseen(model: Model, start: State, now: State, h: float, w: ContactBuffers) -> bool:
+def astray(model: Model, start: State, now: State, h: float, w: ContactBuffers) -> float:
     """
-    Return whether the points went as was foreseen on a way of h [s], whose first half is taken.
+    Return how far points went otherwise than foreseen on a way of h [s], whose first half is taken.
 
-    Of a point without an impulse it matters only whether its gap became negative.
+    As a part of the largest rate without impulses. Of a point without an impulse it matters only
+    by how much its gap would become negative.
     """
+    worst = 0.0
     for k in w.chosen[:w.counts.points[0]]:
         _read(model, start, now, w.contacts.body_a[k], w)
         _read(model, start, now, w.contacts.body_b[k], w)
         u = to_contact(w.contacts, k, relative(w.bodies.velocity, w.contacts, k))
-        most = ASTRAY * w.brisk[k]
-        if w.impulse[k, 0] == 0.0:
-            if u[0] < min(w.foreseen[k, 0], -max(w.contacts.gap[k], 0.0) / h) - most:
-                return False
-            continue
-        for i in range(3):
-            if not abs(u[i] - w.foreseen[k, i]) <= most:
-                return False
-    return True
+        off = min(w.foreseen[k, 0], -max(w.contacts.gap[k], 0.0) / h) - u[0]
+        if w.impulse[k, 0] != 0.0:
+            off = 0.0
+            for i in range(3):
+                off = max(off, abs(u[i] - w.foreseen[k, i]))
+        worst = max(worst, off / w.brisk[k] if w.brisk[k] > 0.0 else 0.0)
+    return worst
 
 
 @kernel

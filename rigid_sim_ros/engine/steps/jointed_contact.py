@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.constraints.articulated_contact import (
     keep_impulses, solve_contacts, undo_displacing)
 from rigid_sim_ros.engine.constraints.articulated_points import choose_points
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system
-from rigid_sim_ros.engine.constraints.foreseen_rates import is_foreseen
+from rigid_sim_ros.engine.constraints.foreseen_rates import astray
 from rigid_sim_ros.engine.contact.carried_forces import match_forces, recall_forces
 from rigid_sim_ros.engine.contact.contact_search import (
     DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
@@ -31,6 +31,7 @@ from rigid_sim_ros.engine.detection.motion_ahead import approach_bound
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.joints.buffers import FORESEEN
 from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
+from rigid_sim_ros.engine.joints.shake import MOST_PARTS
 from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
@@ -48,8 +49,9 @@ MARGIN = 0.01
 # Why the kernel stops, besides what contact_search.py says: bodies that another solver moves are
 # met, which are CALLED in `elsewhere`.
 MORE_ROWS, MORE_BODIES = 4, 5
-# Times at most that the impulses of a way are found, each with what the joints needed before.
-MOST_FORESEEN = 8
+# Times at most that the impulses of a way are found, each with what the joints needed before, until
+# points go as was foreseen but for this part of their rates.
+MOST_FORESEEN, ASTRAY = 8, 1e-2
 CALLED = 2
 
 
@@ -178,14 +180,19 @@ def take_first_half(c: JointedContact, h: float) -> bool:
     joints = c.joints
     state, loads = joints.state, joints.work.loads
     begin_part(joints)
+    before = np.inf
     for n in range(MOST_FORESEEN):
         kick(state, loads, 0.5 * h)
         solve_contacts(joints.model, state, joints.table, joints.motion, joints.scratch, loads, h,
                        True, c.buffers)
         if not move_bodies(joints, h):
             return False
-        if n == MOST_FORESEEN - 1 or is_foreseen(joints.model, joints.start, state, h, c.buffers):
+        off = astray(joints.model, joints.start, state, h, c.buffers)
+        if off <= ASTRAY:
             break
+        if n == MOST_FORESEEN - 1 or off > 0.5 * before:
+            return bool(MOST_PARTS * h <= joints.model.h)
+        before = off
         put_back(joints)
         joints.scratch.known[FORESEEN] = 1
     return True
