@@ -51,7 +51,7 @@ MARGIN = 0.01
 MORE_ROWS, MORE_BODIES = 4, 5
 # Times at most that the impulses of a way are found, each with what the joints needed before, until
 # points go as was foreseen but for this part of their rates.
-MOST_FORESEEN, ASTRAY = 8, 1e-2
+MOST_FORESEEN, ASTRAY, SHRINKS = 8, 1e-2, 0.2
 CALLED = 2
 
 
@@ -190,7 +190,7 @@ def take_first_half(c: JointedContact, h: float) -> bool:
         off = astray(joints.model, joints.start, state, h, c.buffers)
         if off <= ASTRAY:
             break
-        if n == MOST_FORESEEN - 1 or off > 0.5 * before:
+        if n == MOST_FORESEEN - 1 or off > SHRINKS * before:
             return bool(MOST_PARTS * h <= joints.model.h)
         before = off
         put_back(joints)
