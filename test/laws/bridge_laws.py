@@ -78,10 +78,11 @@ def judge_bridge(scene: Scene, build: Build) -> Verdict:
     Compare the energy after each step with the least before it; joints hold at each look.
 
     Nothing gives energy, and what meets loses it. A second order method swings by (h W)^2 of the
-    kinetic energy. A chain that is longer by a share s than the posts are apart makes an angle
-    sqrt(2 s) with the line between them where it is taut; a link that turns at w turns its joints
-    against what holds them at W = w / sqrt(2 s). At least W is the rate of what hangs on a lever
-    of 0.05 m. What lies in an overlap of depth d may be lifted out of it: m g d for each body.
+    kinetic energy to either side. A chain that is longer by a share s than the posts are apart
+    makes an angle sqrt(2 s) with the line between them where it is taut, and what is at its middle
+    moves 1 / sqrt(2 s) times as fast as its ends would part: so a link that turns at w counts as
+    W = w / sqrt(2 s). At least W is the rate of what hangs on a lever of 0.05 m. What lies in an
+    overlap of depth d may be lifted out of it: m g d for each body.
     """
     spec, of, h = scene.spec, masses(scene.spec), scene.h
     run = build(spec)
@@ -96,7 +97,7 @@ def judge_bridge(scene: Scene, build: Build) -> Verdict:
         kinetic = max(kinetic, float(now.kinetic.sum()))
         deepest = max(deepest, run.deepest())
         least = min(least, energy)
-        allowed = (h * rate) ** 2 * kinetic + weight * deepest + 1e-9 * (kinetic + weight)
+        allowed = 2.0 * (h * rate) ** 2 * kinetic + weight * deepest + 1e-9 * (kinetic + weight)
         verdicts += [Verdict(energy - least, allowed, 'J gained'), held.verdict()]
         if verdicts[-1].breach or not math.isfinite(energy):
             break
