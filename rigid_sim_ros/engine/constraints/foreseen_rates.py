@@ -34,10 +34,10 @@ def note_foreseen(chosen: IntArray, width: int, brisk: float, w: ContactBuffers)
 @kernel
 def astray(model: Model, start: State, now: State, h: float, w: ContactBuffers) -> float:
     """
-    Return how far points went otherwise than foreseen on a way of h [s], whose first half is taken.
+    Return how far points went otherwise than foreseen on a way of h [s].
 
-    As a part of the largest rate without impulses. Of a point without an impulse it matters only
-    by how much its gap would become negative.
+    The first half of the way is taken. It is a part of the largest rate without impulses. Of a
+    point without an impulse it matters only by how much its gap would become negative.
     """
     worst = 0.0
     for k in w.chosen[:w.counts.points[0]]:

@@ -49,9 +49,9 @@ MARGIN = 0.01
 # Why the kernel stops, besides what contact_search.py says: bodies that another solver moves are
 # met, which are CALLED in `elsewhere`.
 MORE_ROWS, MORE_BODIES = 4, 5
-# Times at most that the impulses of a way are found, each with what the joints needed before, until
-# points go as was foreseen but for this part of their rates. A tenth of it leaves the energy of
-# bridges as it is, and solves twice as often.
+# Times at most that the impulses of a way are found, each with what the joints needed before,
+# until points go as was foreseen but for this part of the rates without impulses. What is left
+# of it is as little against the error of a step as 1 % of the force.
 MOST_FORESEEN, ASTRAY = 8, 1e-2
 CALLED = 2
 
