@@ -7,9 +7,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from laws import (
-    apart_laws, driven_laws, elastic_laws, energy_laws, ground_laws, heap_laws, impact_laws,
-    jointed_laws, jointed_twins, mixed_laws, pivot_laws, rest_laws, ridden_laws, row_laws,
-    shot_laws, slept_laws, standing_laws, twin_laws)
+    apart_laws, bridge_laws, driven_laws, elastic_laws, energy_laws, ground_laws, heap_laws,
+    impact_laws, jointed_laws, jointed_twins, mixed_laws, pivot_laws, rest_laws, ridden_laws,
+    row_laws, shot_laws, slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.driven_scenes import draw_driven, draw_driven_at_a_wall, draw_driven_floating
 from laws.ground_scenes import (
@@ -100,6 +100,8 @@ JOINTED = {law.name: law for law in (
         draw_jointed, jointed_laws.judge_jointed_energy, _WITH_JOINTS),
     Law('jointed-momentum', 'forces between bodies keep P and L',
         jointed_laws.draw_meeting, jointed_laws.judge_jointed_momentum, _WITH_JOINTS),
+    Law('jointed-bridge', 'a heavy body on a nearly taut chain gains no energy, and joints hold',
+        bridge_laws.draw_bridge, bridge_laws.judge_bridge, _WITH_JOINTS),
     *_twins('jointed', draw_jointed, _WITH_JOINTS, _JOINTED_TWINS))}
 
 # Those of scenes with joints and loose bodies.

@@ -21,6 +21,7 @@ from rigid_sim_ros import World
 # Scenes a law. Twins run four worlds, and what touches takes ten times as long.
 SEEDS = {'none': 6, 'timestep': 6, 'event': 4}
 TWINS = {'none': either(2, 3), 'timestep': either(1, 2), 'event': either(1, 2)}
+ALONE = ('jointed-energy', 'jointed-momentum', 'jointed-bridge')     # laws without twins
 TOUCHES = 2     # a scene of `jointed-energy` in which something presses on something
 # In these two bodies meet at another edge at the end of a step than at its start, and bounce.
 MORE = {('jointed-mirrored', 'timestep'): {41}}
@@ -28,7 +29,7 @@ MORE = {('jointed-mirrored', 'timestep'): {41}}
 
 def seeds(law, model):
     """Return the seeds of a law and a model."""
-    count = (SEEDS if law in ('jointed-energy', 'jointed-momentum') else TWINS)[model]
+    count = (SEEDS if law in ALONE else TWINS)[model]
     return sorted(set(range(count)) | MORE.get((law, model), set()))
 
 

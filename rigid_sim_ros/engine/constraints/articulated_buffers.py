@@ -49,6 +49,8 @@ class ContactBuffers(NamedTuple):
     approach: Array  # (c,) [m/s] rate of the gap of a point at the start of the step
     bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
     work: Array  # (c,) [J] that the impulses of a half did
+    foreseen: Array  # (c, 6) [m/s] rates of a point with its impulses, as its joints are foreseen
+    brisk: Array  # (c,) [m/s] the largest rate without impulses on the island of a point
     free: Array  # (6 c + k,) [m/s] rates of the rows of an island without impulses
     before: Array  # (6 c + k,) [m/s] rates of the rows of points that collide, before that
     row: Array  # (6 c + k,) scratch
@@ -78,7 +80,8 @@ def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
         make_bodies(bodies), whole(c), whole(c), whole(c, 2), whole(c), whole(c), whole(c + 1),
         whole(bodies), whole(bodies), whole(bodies),
         np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
-        np.zeros(c), np.zeros(r), np.zeros(r), np.zeros(r), make_system(rows, table, bodies),
+        np.zeros(c), np.zeros((c, 6)), np.zeros(c), np.zeros(r), np.zeros(r), np.zeros(r),
+        make_system(rows, table, bodies),
         carried, half, np.zeros(c), np.zeros(c), np.zeros(bodies), np.zeros(bodies),
         nothing_acted(c), nothing_acted(c))
 

@@ -19,6 +19,7 @@ from rigid_sim_ros.engine.constraints.articulated_rows import (
     answer_to_impulses, moves, push_apart, read_row_rates, solve_system, take_off, write_system,
     write_velocities)
 from rigid_sim_ros.engine.constraints.contact_rules import NEGLIGIBLE
+from rigid_sim_ros.engine.constraints.foreseen_rates import note_foreseen
 from rigid_sim_ros.engine.contact.carried_forces import keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contact_rows import all_rows, effect, rate, write_effects
@@ -26,9 +27,9 @@ from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Contacts, push_rows, read_touched, read_velocity, relative, to_contact,
     to_world)
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, SOLVED
+from rigid_sim_ros.engine.joints.buffers import FORESEEN, JointMotion, JointWork, SOLVED
 from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pieces, find_pieces
-from rigid_sim_ros.engine.joints.shake import expect
+from rigid_sim_ros.engine.joints.shake import foresee
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, norm, scale
@@ -74,12 +75,14 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     if w.counts.points[0] == 0:
         return
     if first:
-        work.law.bend[:] = 0.0
-        expect(table, motion, work)
+        foresee(table, motion, work)
     read_touched(model, state, loads.F, loads.tau, w.contacts, w.bodies)
     if first:
         _note_approach(h, w)
-    _begin_with(model, state, w.chosen[:w.counts.points[0]], w.counts.width[0], first, w)
+    if not first or work.known[FORESEEN] == 0:
+        _begin_with(model, w.chosen[:w.counts.points[0]], w.counts.width[0], first, w)
+    for k in w.chosen[:w.counts.points[0]]:
+        push_rows(model, state, w.contacts, k, w.counts.width[0], w.impulse[k], 0)
     axes = w.system.axes
     axes.is_row[:] = 0
     found, freed, ahead = SAME, False, h if first else 0.0
@@ -128,9 +131,9 @@ def read_velocities(model: Model, state: State, table: JointTable, work: JointWo
 
 
 @kernel
-def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first: bool,
+def _begin_with(model: Model, chosen: IntArray, width: int, first: bool,
                 w: ContactBuffers) -> None:
-    """Give the bodies the impulses that were found before, to begin with."""
+    """Begin with the impulses that were found in the step before, or in its other half."""
     recall_forces(model, w.contacts, chosen, width, w.carried if first else w.half, w.match, w.row)
     for c in range(chosen.shape[0]):
         k = chosen[c]
@@ -141,7 +144,6 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
             w.impulse[k, i] = w.row[width * c + i] if is_sane else 0.0
             w.pushed[k, i] = 0.0
         w.bounce[k] = 0.0 if first or w.match[k] < 0 else w.half_bounce[w.match[k]]
-        push_rows(model, state, w.contacts, k, width, w.impulse[k], 0)
 
 
 @kernel
@@ -173,6 +175,7 @@ def _solve_island(model: Model, state: State, table: JointTable, work: JointWork
         if solve_system(system, m, width, not known) > 0.0:
             _take_no_energy(chosen, width, w)
         _note_work(chosen, width, w)
+        note_foreseen(chosen, width, size, w)
     else:
         lost = 0.0
         for k in chosen:

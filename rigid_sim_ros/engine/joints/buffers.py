@@ -26,8 +26,9 @@ UNLOCKED, LOCKED, STIFF = range(3)
 AT_LOWER, AT_UPPER = 1, 2
 # Places in `JointWork.known`: whether the factors, and what the axes feel, are of these poses, and
 # the motions of the momenta with which the next half of a step begins; the stage of a step:
-# 0 of one that has none, else 1 and more.
-FACTORED, FELT, SOLVED, STAGE = range(4)
+# 0 of one that has none, else 1 and more; whether the relative motions that joints will need are
+# those of a way that was tried.
+FACTORED, FELT, SOLVED, STAGE, FORESEEN = range(5)
 PAST = 5        # steps whose curvature is remembered
 
 
@@ -168,7 +169,7 @@ class JointWork(NamedTuple):
     tolerance: Array    # (a,) [rad] to which joints are closed at the present poses
     unit: Array     # (k,) 1 [rad], or that length [m], in which positions along an axis are told
     near: Array     # (k,) [rad or m] the tolerance in that unit
-    known: IntArray     # (4,) see FACTORED
+    known: IntArray     # (5,) see FACTORED
     factored_locked: IntArray   # (k,) what `locked` and `extra` were when A, U, D were written
     factored_extra: Array       # (k,)
     locked: IntArray    # (k,) UNLOCKED, LOCKED or STIFF
@@ -202,7 +203,7 @@ def make_joint_work(table: JointTable) -> JointWork:
     a, z = len(table.first_row) - 1, np.zeros
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
-        z(k), z(k), z(a), z(a), z(k), z(k), z(4, dtype=np.int64), z(k, dtype=np.int64), z(k),
+        z(k), z(k), z(a), z(a), z(k), z(k), z(5, dtype=np.int64), z(k, dtype=np.int64), z(k),
         z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
         z(2), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),

@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.dynamics.free_flight import drift_from
 from rigid_sim_ros.engine.joints.articulated import (
     add_momenta, along, axis_part, solve, write_momenta)
 from rigid_sim_ros.engine.joints.buffers import (
-    JointMotion, JointWork, LOCKED, PAST, STAGE, STIFF, UNLOCKED)
+    FORESEEN, JointMotion, JointWork, LOCKED, PAST, STAGE, STIFF, UNLOCKED)
 from rigid_sim_ros.engine.joints.joint_coordinates import joint_error, joint_position
 from rigid_sim_ros.engine.joints.laws import follows_way
 from rigid_sim_ros.engine.joints.loops import close_one, condition_unit, measure_conditions
@@ -154,6 +154,15 @@ def _without_axis(table: JointTable, work: JointWork, k: int, e: Six) -> Six:
     if table.translates[k] == 1:
         return (e[0] - a * s[0], e[1] - a * s[1], e[2] - a * s[2], e[3], e[4], e[5])
     return (e[0], e[1], e[2], e[3] - a * s[0], e[4] - a * s[1], e[5] - a * s[2])
+
+
+@kernel
+def foresee(table: JointTable, motion: JointMotion, work: JointWork) -> None:
+    """Write the relative motions that the joints will need: as a way that was tried, or before."""
+    if work.known[FORESEEN] == 0:
+        for k in range(work.law.bend.shape[0]):
+            work.law.bend[k] = 0.0
+        expect(table, motion, work)
 
 
 @kernel

@@ -12,7 +12,7 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.joints.buffers import (
-    Drives, EFFORT, JointMotion, JointWork, LASTS)
+    Drives, EFFORT, FORESEEN, JointMotion, JointWork, LASTS)
 from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
 from rigid_sim_ros.engine.joints.joint_coordinates import has_one_coordinate
 from rigid_sim_ros.engine.joints.limits import (
@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.joints.limits import (
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import (
-    expect, leaves_active_set, MOST_PARTS, rattle, remember, shake, undo_motion)
+    foresee, leaves_active_set, MOST_PARTS, rattle, remember, shake, undo_motion)
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into, State
@@ -209,6 +209,7 @@ def begin_efforts(motion: JointMotion) -> None:
 def begin_part(c: JointedArguments) -> None:
     """Keep the state at the start of a part of a step, and sum the loads there."""
     copy_into(c.start, c.state)
+    c.scratch.known[FORESEEN] = 0
     law = c.scratch.law
     for k in range(c.motion.held.shape[0]):
         law.held[k], law.held_at[k] = c.motion.held[k], c.motion.held_at[k]
@@ -218,12 +219,18 @@ def begin_part(c: JointedArguments) -> None:
 @kernel
 def go_back(c: JointedArguments) -> None:
     """Go back to the start of a part of a step, to take a shorter one."""
+    put_back(c)
+    prepare_step(c.model, c.table, c.state, c.scratch)
+    c.motion.known[0], c.motion.known[1] = 0, 0
+
+
+@kernel
+def put_back(c: JointedArguments) -> None:
+    """Put the bodies, and what holds their axes, back to the start of a part of a step."""
     copy_into(c.state, c.start)
     motion, law = c.motion, c.scratch.law
     for k in range(motion.held.shape[0]):
         motion.held[k], motion.held_at[k] = law.held[k], law.held_at[k]
-    prepare_step(c.model, c.table, c.state, c.scratch)
-    motion.known[0], motion.known[1] = 0, 0
 
 
 @kernel
@@ -244,10 +251,8 @@ def move_bodies(c: JointedArguments, h: float) -> bool:
 def _shake_within_limits(c: JointedArguments, h: float) -> bool:
     """Let the joints act in the first half of a step of h [s], so that none passes its limits."""
     model, state, table, motion, scratch = c.model, c.state, c.table, c.motion, c.scratch
-    for k in range(scratch.law.bend.shape[0]):
-        scratch.law.bend[k] = 0.0
     note_momenta(table, state, scratch)
-    expect(table, motion, scratch)
+    foresee(table, motion, scratch)
     for n in range(MOST_TRIES):
         if not shake(model, table, state, motion, scratch, h):
             return False
