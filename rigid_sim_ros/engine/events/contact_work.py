@@ -18,7 +18,7 @@ with forces that are found for a shorter one, or in the end without them.
 
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import to_world, torque_in_world
-from rigid_sim_ros.engine.contact.resting_qp import LIFTING
+from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING
 from rigid_sim_ros.engine.events.buffers import EventArguments, HELD
 from rigid_sim_ros.engine.events.groups import Groups, WORKS
 from rigid_sim_ros.engine.events.resting_forces import CUT
@@ -75,22 +75,24 @@ def _go_less(groups: Groups, g: int, t: float, least: float) -> None:
 def _gains(c: EventArguments, g: int, t: float) -> bool:
     """Return whether the contacts of a group gave it more energy in t [s] than they may."""
     w, groups = c.buffers, c.buffers.groups
-    work, allowed = 0.0, 0.0
+    work, allowed, most, lifted = 0.0, 0.0, 0.0, 0.0
     for at in range(groups.first[g], groups.first[g + 1]):
         j = groups.body[at]
         if c.model.inv_m[j] > 0.0 and _is_pushed(c, j):
-            gain, may = _gain(c, j, t)
+            gain, before, at_rest = _gain(c, j, t)
             work += gain
-            allowed += may
+            allowed += OF_LOADS * t * at_rest + OF_MOTION * before
+            most += LIFTING * c.model.h / t * at_rest
     if work <= allowed:
         return False
     for k in range(w.contacts.first[groups.block[g]], w.contacts.first[groups.block[g + 1]]):
         if w.held[k] == HELD:
             work -= t * _prescribed_power(c, k)
-            if w.contacts.gap[k] < 0.0:
-                slow = resting_speed(w.contacts, w.bodies, k, c.model.h)
-                allowed += t * LIFTING * slow * w.force[k, 0]
-    return work > allowed
+            slow = LIFTING * resting_speed(w.contacts, w.bodies, k, c.model.h)
+            speed = max(-CLOSING * w.contacts.gap[k] / c.model.h, 0.0)
+            lifted += min(speed, slow) * w.force[k, 0]
+    # Not more than the weight of what is lifted, however much it is squeezed.
+    return work > allowed + t * min(lifted, most)
 
 
 @kernel
@@ -101,8 +103,12 @@ def _is_pushed(c: EventArguments, j: int) -> bool:
 
 
 @kernel
-def _gain(c: EventArguments, j: int, t: float) -> tuple[float, float]:
-    """Return what contacts gave to body j in t [s], and what they may, both [J]."""
+def _gain(c: EventArguments, j: int, t: float) -> tuple[float, float, float]:
+    """
+    Return what contacts gave to body j in t [s], and the kinetic energy that it had, both [J].
+
+    And the power [W] that its loads have at the end of that time from rest.
+    """
     w, model, state = c.buffers, c.model, c.state
     inv_m, inv_I = model.inv_m[j], column(model.inv_I_C, j)
     q_0, q_1 = quaternion(w.here.q, j), quaternion(state.q, j)
@@ -119,8 +125,7 @@ def _gain(c: EventArguments, j: int, t: float) -> tuple[float, float]:
     by_loads = inv_m * (dot(F, add(P_0, P_m)) + dot(later, add(P_m, P_1)))
     by_loads += dot(tau, spin_of(q_0, add(L_0, L_m), inv_I))
     by_loads += dot(tau_1, spin_of(q_1, add(L_m, L_1), inv_I))
-    may = OF_LOADS * t * t * inv_m * dot(F, F) + OF_MOTION * before
-    return gain - 0.25 * t * by_loads, may
+    return gain - 0.25 * t * by_loads, before, t * inv_m * dot(F, F)
 
 
 @kernel
