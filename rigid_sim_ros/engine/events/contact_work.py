@@ -16,7 +16,7 @@ What is more than the errors of the method is not accepted: the way is taken bac
 with forces that are found for a shorter one, or in the end without them.
 """
 
-from rigid_sim_ros.engine.contact.classify import resting_speed
+from rigid_sim_ros.engine.contact.classify import resting_speed, STILL
 from rigid_sim_ros.engine.contact.contacts import to_world, torque_in_world
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING
 from rigid_sim_ros.engine.events.buffers import EventArguments, HELD
@@ -91,6 +91,8 @@ def _gains(c: EventArguments, g: int, t: float) -> bool:
             slow = LIFTING * resting_speed(w.contacts, w.bodies, k, c.model.h)
             speed = max(-CLOSING * w.contacts.gap[k] / c.model.h, 0.0)
             lifted += min(speed, slow) * w.force[k, 0]
+            # What moves as slowly is rounding.
+            allowed += t * STILL * w.contacts.size[k] / c.model.h * w.force[k, 0]
     # Not more than the weight of what is lifted, however much it is squeezed.
     return work > allowed + t * min(lifted, most)
 
