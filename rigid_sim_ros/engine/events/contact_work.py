@@ -29,9 +29,9 @@ from rigid_sim_ros.engine.state.state import copy_body
 from rigid_sim_ros.kernels.arrays import Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
-# What a way may gain: this part of what the loads alone give to bodies at rest in it, and this part
-# of the kinetic energies. A column at rest gains 2e-4 of the first, what tumbles mostly less than
-# 2e-2 of the second; with less than that spans become shorter than they need be.
+# What a way may gain: this part of what the loads alone give to bodies at rest in it, and this
+# part of the kinetic energies. A column at rest gains 2e-4 of the first, what tumbles mostly less
+# than 2e-2 of the second; with less than that spans become shorter than they need be.
 OF_LOADS, OF_MOTION = 1e-2, 5e-2
 # Of the forces, each time that no shorter span helps: so much is left.
 LESS, LEAST = 0.25, 0.1

@@ -83,7 +83,8 @@ def make_groups(bodies: int, shapes: int, pairs: int) -> Groups:
     return Groups(whole(n), whole(n + 1), whole(n), whole(n + 1), whole(s), whole(n + 1),
                   whole(pairs, 2), whole(n + 1), np.zeros(n), np.zeros(n), np.zeros(n), whole(n),
                   np.zeros(n), np.zeros(n), whole(n), np.zeros(n), whole(n), np.zeros(s),
-                  np.zeros(s), np.zeros(s), np.full((n, 8), np.nan), np.zeros(s), whole(s), whole(n))
+                  np.zeros(s), np.zeros(s), np.full((n, 8), np.nan), np.zeros(s), whole(s),
+                  whole(n))
 
 
 @kernel
