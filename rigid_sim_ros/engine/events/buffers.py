@@ -83,6 +83,7 @@ class Buffers(NamedTuple):
     groups: Groups
     times: Array  # (n,) [s] how long each body moves now
     before: State  # at the start of the step
+    here: State  # at the start of the way
     forces_before: Carried
 
 
@@ -117,6 +118,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
                    make_newton(16, 48, 4, bodies), make_interior(16, 48, 4), empty_loads(bodies),
                    whole(c, 2), np.zeros(c),
                    make_groups(bodies, shapes, c), np.zeros(bodies), empty_state(bodies),
+                   empty_state(bodies),
                    no_forces())
 
 

@@ -62,6 +62,7 @@ class Groups(NamedTuple):
     effort: Array  # (n,) multiplications so far in this step, about
     residual: Array  # (n,) the largest in this step
     events: IntArray  # (n,)
+    share: Array  # (n,) of the forces that were found, 1: all of them act
     short: IntArray  # (n,) why it goes on without backtracking, 0: it does not
     far: Array  # (s,) [m] how far a shape may move in this step
     moved: Array  # (s,) [m] how far it moved, at most
@@ -81,8 +82,9 @@ def make_groups(bodies: int, shapes: int, pairs: int) -> Groups:
 
     return Groups(whole(n), whole(n + 1), whole(n), whole(n + 1), whole(s), whole(n + 1),
                   whole(pairs, 2), whole(n + 1), np.zeros(n), np.zeros(n), np.zeros(n), whole(n),
-                  np.zeros(n), np.zeros(n), whole(n), whole(n), np.zeros(s), np.zeros(s),
-                  np.zeros(s), np.full((n, 8), np.nan), np.zeros(s), whole(s), whole(n))
+                  np.zeros(n), np.zeros(n), whole(n), np.zeros(n), whole(n), np.zeros(s),
+                  np.zeros(s), np.zeros(s), np.full((n, 8), np.nan), np.zeros(s), whole(s),
+                  whole(n))
 
 
 @kernel

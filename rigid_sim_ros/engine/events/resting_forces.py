@@ -349,7 +349,7 @@ def settle(c: EventArguments, g: int) -> None:
     span = min(groups.span[g], groups.left[g])
     works, share = _work(c, m, span)
     if works and groups.short[g] == 0 and span > CUT * model.h:
-        groups.met[g] = WORKS
+        groups.met[g], groups.span[g] = WORKS, 0.5 * span
         return
     for i in range(width * m if works else 0):
         rows.f[i] *= share
@@ -360,6 +360,8 @@ def settle(c: EventArguments, g: int) -> None:
             read_rates(model, w.contacts, w.bodies.velocity, w.chosen[n], width, rows.trial,
                        width * n)
         take_no_energy(rows, m, width, span)
+    for i in range(width * m):
+        rows.f[i] *= groups.share[g]
     for n in range(m):
         k = w.chosen[n]
         w.held[k], w.sunk[k] = HELD, w.depth[n]

@@ -22,6 +22,7 @@ from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinemat
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
     Buffers, EventArguments, HELD, MORE_FORCES, MORE_PAIRS, STUCK)
+from rigid_sim_ros.engine.events.contact_work import take_back
 from rigid_sim_ros.engine.events.groups import (
     find_groups, keep_groups, may_go, MET, near_pairs, note_way, NOTHING, reach_out, SANK,
     SHORTEST, WORKS)
@@ -74,6 +75,7 @@ def group_bodies(c: EventArguments) -> int:
     for g in range(groups):
         w.groups.left[g] = w.groups.span[g] = model.h
         w.groups.effort[g] = w.groups.residual[g] = 0.0
+        w.groups.share[g] = 1.0
         w.groups.events[g] = w.groups.short[g] = 0
     w.now.deepest[0] = 0.0
     w.now.forgets[0] = 1
@@ -273,9 +275,11 @@ def _go(c: EventArguments) -> None:
         w.times[i] = groups.way[g] if g >= 0 else 0.0
         if g >= 0 and groups.short[g] != 0 and model.inv_m[i] == 0.0:
             w.times[i] = groups.left[g]
+    copy_into(w.here, c.state)
+    move(c)
+    take_back(c)
     _add_impulses(model, w)
     record(model, current(c.memory), w.contacts, w.impulses)
-    move(c)
 
 
 @kernel
@@ -297,7 +301,8 @@ def _has_ended(c: EventArguments) -> bool:
         if groups.left[g] > 0.0:
             t = groups.way[g]
             # What is left where a group that has spent its budget might get through is lost.
-            ends = (groups.met[g] == NOTHING and t == groups.left[g]) or groups.short[g] != 0
+            ends = (groups.met[g] == NOTHING and t == groups.left[g]) or (
+                groups.short[g] != 0 and groups.met[g] != WORKS)
             groups.left[g] = 0.0 if ends else groups.left[g] - t
             _next_span(c.model, g, w)
         over = over and groups.left[g] == 0.0
@@ -311,7 +316,7 @@ def _next_span(model: Model, g: int, w: Buffers) -> None:
 
     A point that sinks in under its force shows that its motion curves more within the span than
     the force can know. The span is then cut to the time for which it was right, and doubled again
-    when nothing happens in it. It is halved where the forces would do work.
+    when nothing happens in it.
     """
     groups = w.groups
     if groups.met[g] == NOTHING:
@@ -320,8 +325,6 @@ def _next_span(model: Model, g: int, w: Buffers) -> None:
         groups.events[g] += 1
         if groups.met[g] == SANK:
             groups.span[g] = max(groups.way[g], SHORTEST * model.h)
-        if groups.met[g] == WORKS:
-            groups.span[g] = 0.5 * min(groups.span[g], groups.left[g])
 
 
 @kernel
