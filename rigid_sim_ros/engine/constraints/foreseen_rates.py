@@ -8,6 +8,7 @@ foreseen to need (joints/shake.py), and a joint that needs others changes the ra
 """
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import ContactBuffers
+from rigid_sim_ros.engine.contact.classify import STILL
 from rigid_sim_ros.engine.contact.contact_rows import effect
 from rigid_sim_ros.engine.contact.contacts import relative, to_contact
 from rigid_sim_ros.engine.maths.rotation import quaternion
@@ -49,7 +50,9 @@ def astray(model: Model, start: State, now: State, h: float, w: ContactBuffers) 
             off = 0.0
             for i in range(3):
                 off = max(off, abs(u[i] - w.foreseen[k, i]))
-        worst = max(worst, off / w.brisk[k] if w.brisk[k] > 0.0 else 0.0)
+        # Less is rounding: nothing moves but by what displaces.
+        if w.brisk[k] > STILL * w.contacts.size[k] / h:
+            worst = max(worst, off / w.brisk[k])
     return worst
 
 
