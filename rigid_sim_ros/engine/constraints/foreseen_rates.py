@@ -8,7 +8,6 @@ foreseen to need (joints/shake.py), and a joint that needs others changes the ra
 """
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import ContactBuffers
-from rigid_sim_ros.engine.contact.classify import STILL
 from rigid_sim_ros.engine.contact.contact_rows import effect
 from rigid_sim_ros.engine.contact.contacts import relative, to_contact
 from rigid_sim_ros.engine.maths.rotation import quaternion
@@ -18,6 +17,9 @@ from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
+
+# Of the size of the smaller shape, in a step: joints close to 1e-13 of the longest lever.
+SLOW = 1e-9
 
 
 @kernel
@@ -50,8 +52,8 @@ def astray(model: Model, start: State, now: State, h: float, w: ContactBuffers) 
             off = 0.0
             for i in range(3):
                 off = max(off, abs(u[i] - w.foreseen[k, i]))
-        # Less is rounding: nothing moves but by what displaces.
-        if w.brisk[k] > STILL * w.contacts.size[k] / h:
+        # Slower, nothing moves but by what displaces, and by the rounding of what joints hold.
+        if w.brisk[k] > SLOW * w.contacts.size[k] / h:
             worst = max(worst, off / w.brisk[k])
     return worst
 
